@@ -67,7 +67,7 @@ view: $(VENV)/installed
 	@$(BIN)/slip_view --scene obedient --folder out/recordings
 
 benchmark: $(VENV)/installed
-	@for command in chain scenes extremes paper tune lessons soak view; do \
+	@for command in chain scenes extremes paper tune grasp lessons soak view; do \
 		echo "python -m benchmarks $$command --quick" && \
 		$(BIN)/python -m benchmarks $$command --quick || exit 1; \
 	done

@@ -24,9 +24,12 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from slip_detector.nodes.launching import clock_parameters, declarations, node_settings
-from slip_detector.parameters.files import find_parameter_file, shared_folder
-from slip_detector.parameters.grasp import commands_of_a_scene
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters import (
+    commands_of_a_scene,
+    find_parameter_file,
+    read_yaml,
+    shared_folder,
+)
 from slip_detector.scenes.scene import find_scene
 
 # By name, the default value and what it is; the included launch file has the others.

@@ -23,7 +23,7 @@ from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 
-from slip_detector.parameters.files import shared_folder
+from slip_detector.parameters import shared_folder
 
 
 def generate_launch_description():

@@ -32,9 +32,7 @@ from slip_detector.nodes.launching import (
     node_settings,
     source_settings,
 )
-from slip_detector.parameters.files import find_parameter_file, shared_folder
-from slip_detector.parameters.sections import sections_of
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters import find_parameter_file, read_yaml, sections_of, shared_folder
 
 # By name, the default value and what it is; the included launch file has the others.
 ARGUMENTS = {

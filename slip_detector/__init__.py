@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from slip_detector.chain.slip_chain import SlipChain, SlipResult
-    from slip_detector.parameters.detector import ChainConfig
+    from slip_detector.parameters import ChainConfig
 
 __all__ = ['ChainConfig', 'SlipChain', 'SlipResult']
 

@@ -61,7 +61,7 @@ from slip_detector.chain.filters import design, largest_pole_radius
 from slip_detector.chain.samples import Floats
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.compiled import COMPILED
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters import ChainConfig
 
 #: Numbers, each the sum of two float64.
 Exact = tuple[Floats, Floats]

@@ -33,7 +33,7 @@ from mpmath import mpf
 from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Floats
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters import ChainConfig
 
 #: Decimal digits of all numbers here.
 DIGITS = 50

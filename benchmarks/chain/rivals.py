@@ -23,7 +23,7 @@ from scipy import signal
 
 from slip_detector.chain.filters import design
 from slip_detector.chain.samples import Bools, Floats
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters import ChainConfig
 
 
 class NumpyChain:

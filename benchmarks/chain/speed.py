@@ -46,7 +46,7 @@ from slip_detector.chain.filters import design
 from slip_detector.chain.samples import Floats
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.compiled import COMPILED
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters import ChainConfig
 
 #: Rounding differs between the sides, so a level next to the threshold may be above it for
 #: one and below it for the other; with less agreement than this there is a fault.

@@ -64,9 +64,7 @@ from benchmarks.fingers.judging import Judged, figures, judge, pooled
 from benchmarks.fingers.parts import Tracks, divide, recordings_in
 from benchmarks.measurement import Bound, shared_options
 from benchmarks.paper.protocol import PAPER_FALSE_POSITIVE_PERCENT
-from slip_detector.parameters import ChainConfig
-from slip_detector.parameters.fields import refuse
-from slip_detector.parameters.files import find_parameter_file
+from slip_detector.parameters import ChainConfig, find_parameter_file, refuse
 from slip_detector.recordings import open_recording
 from slip_detector.report.texts import number_text, text_table
 from slip_detector.tuning.learning import LOW_HZ, LOW_SHARE, learn

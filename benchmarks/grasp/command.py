@@ -27,8 +27,7 @@ from typing import Any
 
 from benchmarks.measurement import Bound, shared_options
 from slip_detector.grasp.loop import grasp_figures, play_trial
-from slip_detector.parameters import ChainConfig, GraspConfig
-from slip_detector.parameters.files import shared_folder
+from slip_detector.parameters import ChainConfig, GraspConfig, shared_folder
 
 WANTED = {
     'controller.dropped': Bound(high=0.0),

@@ -34,7 +34,7 @@ from typing import Any
 from benchmarks.lessons.lessons import ON, lesson
 from benchmarks.measurement import Bound, shared_options
 from benchmarks.tune.families import disturbances
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters import read_yaml
 from slip_detector.scenes import find_scene
 from slip_detector.tuning.problem import COMPARED
 

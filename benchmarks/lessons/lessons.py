@@ -33,8 +33,7 @@ import numpy as np
 from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters import DetectorConfig, read_yaml
 from slip_detector.recordings.labels import BY_HAND_S
 from slip_detector.recordings.writing import BagWriter
 from slip_detector.scenes import Scene, find_scene

@@ -56,7 +56,7 @@ from benchmarks.paper.protocol import (
     run_protocol,
     simulate_trials,
 )
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters import ChainConfig
 from slip_detector.report.texts import number_text, text_table
 
 __all__ = ['WANTED', 'as_table', 'measure', 'options']

@@ -27,7 +27,7 @@ from benchmarks.paper.protocol import PAPER_DELAY_MS, PAPER_FALSE_POSITIVE_PERCE
 from slip_detector.chain.samples import Floats, Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.replay import only_filters
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters import ChainConfig
 from slip_detector.report.pictures import COLORS, draw_decision, draw_trial, save_picture
 
 #: The time about the start of the motion that is shown enlarged.

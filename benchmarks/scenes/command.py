@@ -40,8 +40,7 @@ from typing import Any
 from benchmarks.measurement import Bound, shared_options
 from benchmarks.pictures import draw_work_precision
 from benchmarks.scenes.reference import Ode, Solution, build_scene, solve_live
-from slip_detector.parameters.files import shared_folder
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters import read_yaml, shared_folder
 from slip_detector.scenes import find_scene
 
 WANTED = {'plate.speed': Bound(low=50.0)}

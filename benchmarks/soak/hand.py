@@ -36,7 +36,7 @@ from benchmarks.measurement import swelling_noise_v
 from benchmarks.processes import memory_kib, nodes_running, processor_time_s, spin_until
 from slip_detector.chain.samples import Samples
 from slip_detector.nodes.health import AGE_KEYS, EVENTS
-from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters import DetectorConfig
 from slip_detector.recordings import write_recording
 
 #: Time, in seconds, for the start: the first one compiles, which takes minutes on a busy machine.
@@ -136,9 +136,13 @@ class Watch(Node):
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             name, _, part = status.name.partition(': ')
-            if part == 'input' and f'/{name}'.startswith(self.get_namespace()):
-                values = {pair.key: pair.value for pair in status.values}
+            if not f'/{name}'.startswith(self.get_namespace()):
+                continue
+            values = {pair.key: pair.value for pair in status.values}
+            if part == 'input':
                 self._reports.setdefault(name, []).append(values)
+            elif part == 'timing':  # Follows in the same message.
+                self._reports[name][-1] |= values
 
     def _note_memory(self) -> None:
         for name, process in self._processes.items():

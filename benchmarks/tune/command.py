@@ -27,7 +27,7 @@ Keys of ``python -m benchmarks tune --json``; with ``--part`` only the named one
 """
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import Any
 
 from benchmarks.measurement import Bound, shared_options
@@ -58,24 +58,28 @@ def options() -> argparse.ArgumentParser:
     parser.add_argument(
         '--part', action='append', default=[], choices=MEASURES, help='only this one; repeatable'
     )
+    parser.add_argument(
+        '--seed', type=int, default=0, help='of the searches of families (default: %(default)s)'
+    )
     return parser
 
 
 def measure(words: argparse.Namespace) -> dict[str, Any]:
     """Measure reading, evaluation and search, and what tuning brings."""
-    return {part: MEASURES[part](words.quick) for part in words.part or MEASURES}
+    result = {}
+    for part in words.part or MEASURES:
+        measure_part, *quick = MEASURES[part]
+        seed = {'seed': words.seed} if part == 'families' else {}
+        result[part] = measure_part(*(quick if words.quick else ()), **seed)
+    return result
 
 
-def _either(measure: Callable[..., dict[str, Any]], *little: Any) -> Callable[..., dict[str, Any]]:
-    """Return what measures little if it is to be quick."""
-    return lambda quick: measure(*little) if quick else measure()
-
-
-MEASURES: dict[str, Callable[[bool], dict[str, Any]]] = {
-    'evaluate': _either(hour.measure_evaluation, 50.0, 2),
-    'read': _either(hour.measure_reading, 30.0),
-    'search': _either(hour.measure_search, 4, 0.5),
-    'families': _either(families.measure_families, 4, range(2), range(2, 3)),
-    'onset': _either(onset.measure_onset, range(6000, 6001)),
-    'presses': _either(presses.measure_presses, range(7700, 7701)),
+#: What measures each part, and its arguments if it is to be quick.
+MEASURES: dict[str, Sequence[Any]] = {
+    'evaluate': (hour.measure_evaluation, 50.0, 2),
+    'read': (hour.measure_reading, 30.0),
+    'search': (hour.measure_search, 4, 0.5),
+    'families': (families.measure_families, 4, range(2), range(2, 3)),
+    'onset': (onset.measure_onset, range(6000, 6001)),
+    'presses': (presses.measure_presses, range(7700, 7701)),
 }

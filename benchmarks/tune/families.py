@@ -30,12 +30,11 @@ import numpy as np
 
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters import ChainConfig, read_yaml
 from slip_detector.scenes import Scene, find_scene
 from slip_detector.tuning.problem import searched_parameters
 from slip_detector.tuning.search import Study, search
-from slip_detector.tuning.tracks import Track, held_out, track_of
+from slip_detector.tuning.tracks import Track, hold_out_tracks, track_of
 from slip_detector.tuning.verdict import TuningParameters, choose, judge
 
 #: The paper's plates; each is a scene of a family, with each seed.
@@ -117,6 +116,7 @@ def measure_families(
     trials: int = 200,
     tuned_on: Sequence[int] = TUNED_ON,
     reported_on: Sequence[int] = REPORTED_ON,
+    seed: int = 0,
 ) -> dict[str, Any]:
     """Tune on each family of scenes; the keys are in the module's docstring.
 
@@ -126,14 +126,16 @@ def measure_families(
         Number of trials of each search.
     tuned_on, reported_on
         Seeds of the scenes for the search and for the figures.
+    seed
+        Seed of the searches.
     """
     result = {}
     parameters = TuningParameters()
     for name, descriptions in families().items():
         # As slip_tune does: the search has a part of the tracks, the rest judges.
-        training, held = held_out(play_scenes(descriptions, tuned_on))
+        training, held = hold_out_tracks(play_scenes(descriptions, tuned_on))
         problem = parameters.problem(training)
-        study = Study(problem, seed=0)
+        study = Study(problem, seed=seed)
         search(study, trials)
         verdict = judge(problem, parameters.chain, held, choose(study))
         tracks = play_scenes(descriptions, reported_on)

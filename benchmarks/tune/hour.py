@@ -28,7 +28,7 @@ from benchmarks.measurement import least_times_s
 from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.evaluator import RecordingLoader, evaluate_recording
 from slip_detector.evaluation.figures import figures_of_merit
-from slip_detector.parameters.detector import ChainConfig, DetectorConfig
+from slip_detector.parameters import ChainConfig, DetectorConfig
 from slip_detector.recordings import open_recording, write_recording
 from slip_detector.scenes import find_scene, load_scene
 from slip_detector.tuning.problem import Problem

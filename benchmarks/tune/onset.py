@@ -41,9 +41,7 @@ from benchmarks.paper.protocol import SCENES
 from benchmarks.tune.families import play_scenes
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.files import shared_folder
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters import ChainConfig, read_yaml, shared_folder
 from slip_detector.scenes import find_scene
 from slip_detector.tuning.tracks import Track
 

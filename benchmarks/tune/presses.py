@@ -31,9 +31,7 @@ from numpy.typing import NDArray
 
 from benchmarks.tune.families import disturbances, families
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.files import shared_folder
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters import ChainConfig, read_yaml, shared_folder
 from slip_detector.scenes import Scene, find_scene
 from slip_detector.scenes.electronics import CONTACT_N
 

@@ -65,7 +65,7 @@ def run_view(seconds: float, pairs: int, turn_seconds: float, traces: int) -> di
         driver = ['-p', 'loop:=true', '-p', 'wait_for_subscribers:=1', '-p', 'source:=scene']
         commands = hand_commands(namespace, FINGERS, [], driver)
         commands['slip_view'] = [
-            *(sys.executable, '-m', 'slip_detector.nodes.view', '--port', str(port)),
+            *(sys.executable, '-m', 'slip_detector.nodes.run', 'slip_view', '--port', str(port)),
             *('--folder', str(Path(folder) / 'recordings')),
         ]
         with nodes_running(commands) as processes:

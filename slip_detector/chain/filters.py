@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.stages import floor_steps_db
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters import ChainConfig
 
 Array = NDArray[np.float64]
 
@@ -196,8 +196,9 @@ def settling_rows(config: ChainConfig) -> int:
         return rows + config.samples(config.decision_window_s)
     floor_rows = 0
     _, down_db = floor_steps_db(config.noise_floor_rate_db_s, config.sample_rate_hz)
-    if down_db and not config.noise_floor_learnt:
-        floor_rows = math.ceil(min(FIRST_FLOOR_DB, config.noise_floor_range_db) / down_db)
+    if down_db and not (config.noise_floor_learnt and config.floors):
+        most_db = config.noise_floor_range_db if config.floors else FIRST_FLOOR_DB
+        floor_rows = math.ceil(min(FIRST_FLOOR_DB, most_db) / down_db)
     return rows + max(config.samples(evidence_falls_s(config)), floor_rows)
 
 

@@ -25,8 +25,8 @@ from slip_detector.chain.filters import design, design_low
 from slip_detector.chain.layout import FlagLayout, flag_layout, state_layout, tiles_of
 from slip_detector.chain.samples import Bools, Floats
 from slip_detector.chain.stamps import StampGrid
-from slip_detector.compiled import LANES
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters import ChainConfig
+from slip_detector.vectors import LANES
 
 #: The signals that a result may have beside decisions, in the order of the kernel.
 SIGNALS = ('envelope', 'level', 'floor', 'excess')
@@ -109,7 +109,8 @@ class SlipResult:
     def floor(self) -> Floats:
         """The noise floor, lifted by activity, in dB of the envelope's unit; shape (n, c).
 
-        It is not lifted while the channel is not valid, and out of contact.
+        It is not lifted while the channel is not valid, and out of contact. Before it begins it is
+        shown as ``noise_floor``, and as NaN without one.
         """
         return self._columns('floor')
 
@@ -194,7 +195,7 @@ class SlipChain:
         if self.config.mains_rows:
             self.state[:, layout.HELD] = np.nan
         self.state[:, slots.steps_slot + 1 :] = np.nan
-        # NaN: a floor that is not learnt begins at the first envelope.
+        # NaN: a floor that is not learnt, or not given, begins at the first envelope.
         learnt = self.config.decision == 'evidence' and self.config.noise_floor_learnt
         self.state[:, layout.FLOOR] = self._plan.limits[:, stages.LEAST_DB] if learnt else np.nan
 
@@ -209,21 +210,22 @@ class SlipChain:
         self.state[:, layout.FLOOR] = floors
         self.state[0, layout.CONTACT_ROWS, 0] = self._plan.settings[0].contact_rows
 
-    def take_floors(self, other: 'SlipChain', rest: ArrayLike) -> None:
+    def take_floors(self, other: 'SlipChain', rest: Floats) -> None:
         """Begin with noise floors that are as far below the level at rest as another chain's.
 
         Parameters
         ----------
         other
             A chain on the same input; one that decides by the mean has no floors.
-        rest : array_like, shape (n, c)
+        rest : ndarray, shape (n, c)
             Rows that show the levels of both chains, if possible without slip. A channel that is
             not valid in these rows keeps its floor.
         """
         below_db = _rest_db(other.config, rest) - other.floor_and_level_db()[0]
         below_db *= self.config.exponent / other.config.exponent
         # A floor that is unknown in the other chain, and not learnt, begins at the level.
-        unknown_db = np.nan if self.config.noise_floor_learnt else 0.0
+        begins = self.config.noise_floor_learnt and self.config.floors
+        unknown_db = np.nan if begins else 0.0
         below_db = np.where(np.isfinite(below_db), below_db, unknown_db)
         floors_db = _rest_db(self.config, rest) - below_db
         known = np.flatnonzero(np.isfinite(floors_db))
@@ -326,12 +328,14 @@ class SlipChain:
         return SlipResult(flags, signals, self._flags, kept)
 
 
-def _rest_db(config: ChainConfig, rows: ArrayLike) -> Floats:
+def _rest_db(config: ChainConfig, rows: Floats) -> Floats:
     """Return the level where each channel's floor would settle; not finite where none is known."""
     result = SlipChain(config).update(rows, level=False)
     settling = config.mains_rows + config.samples(config.envelope_window_s)
-    levels = np.where(result.valid, result.envelope, np.inf)
-    levels[:settling] = np.inf
+    # In rows that repeat a sample, and before the windows have moved, the level is no noise.
+    moves = result.valid & (rows != np.concatenate([rows[:1], rows[:-1]])) & (result.envelope > 0)
+    age = np.cumsum(np.maximum.accumulate(moves, axis=0), axis=0)
+    levels = np.where(moves & (age > settling), result.envelope, np.inf)
     level: Floats = np.quantile(levels, stages.QUANTILE, axis=0, method='lower')
     with np.errstate(divide='ignore'):
         return 20.0 * np.log10(level)

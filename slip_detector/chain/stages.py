@@ -31,11 +31,10 @@ import numpy as np
 
 from slip_detector.chain import layout
 from slip_detector.chain.samples import Floats
-from slip_detector.compiled import (
+from slip_detector.compiled import compiled_in_place, compiled_within
+from slip_detector.vectors import (
     LANES,
     absolute,
-    compiled_in_place,
-    compiled_within,
     floats_of,
     is_number,
     load,
@@ -54,9 +53,10 @@ NO_ROW, FIRST_ROW = np.uint64(0), np.uint64(1)
 # Rows of a tile's limits: the lowest and highest good sample, and the least noise floor in dB.
 LOW, HIGH, LEAST_DB = range(3)
 
-# The words of each channel: the rows in which the channel is valid, steps as in an impact, is ON,
-# has a low level above the level of contact, and one above that level less 2 dB.
-VALID, STEPS, ON, TOUCHES, GOES_ON = range(5)
+# The words of each channel: the rows in which the channel is valid, steps as in an impact, differs
+# from its last good sample, is ON, has a low level above the level of contact, and one above that
+# level less 2 dB.
+VALID, STEPS, MOVES, ON, TOUCHES, GOES_ON = range(6)
 
 # The signals in their order. The floor among them is the effective one, lifted by activity.
 ENVELOPE, LEVEL, EFFECTIVE, EXCESS = range(4)
@@ -73,7 +73,7 @@ LEAST_EXCESS_DB = -8.7
 
 @compiled_within
 def check_samples(volts, start, end, at, limits, settings, tile, words):
-    """Find the rows with a good sample that is not flat, and those with a step of an impact.
+    """Find the rows with a good sample that is not flat, with a step of an impact, that move.
 
     A step is the difference from the last good sample, or from the one ``impact_rows`` rows ago.
     ``at`` is the first column of the tile.
@@ -84,7 +84,8 @@ def check_samples(volts, start, end, at, limits, settings, tile, words):
     slot = settings.steps_slot
     position = int(tile[slot, 0]) if delay > 0 else 0
     for begin in range(start, end, WORD_ROWS):
-        valid, stepped, row = spread(NO_ROW), spread(NO_ROW), spread(FIRST_ROW)
+        valid, stepped, moves = spread(NO_ROW), spread(NO_ROW), spread(NO_ROW)
+        row = spread(FIRST_ROW)
         for k in range(begin, min(begin + WORD_ROWS, end)):
             sample = load(volts, (k, at))
             good = (sample >= low) & (sample <= high)  # false for NaN too
@@ -95,6 +96,9 @@ def check_samples(volts, start, end, at, limits, settings, tile, words):
             if impact_v > 0.0:
                 step = absolute(sample - before)
                 stepped = stepped | select(good & (step > impact_v), row, NO_ROW)
+            if settings.free_floors != 0:
+                other = (sample < last) | (sample > last)  # false for the first sample
+                moves = moves | select(good & other, row, NO_ROW)
             repeats = select(good, select(sample == last, repeats + 1.0, 0.0), repeats)
             last = select(good, sample, last)
             if delay > 0:
@@ -105,6 +109,7 @@ def check_samples(volts, start, end, at, limits, settings, tile, words):
         w = (begin - start) // WORD_ROWS
         store(valid, words, (w, VALID, at))
         store(stepped, words, (w, STEPS, at))
+        store(moves, words, (w, MOVES, at))
     store(last, tile, (layout.LAST, 0))
     store(repeats, tile, (layout.REPEATS, 0))
     if delay > 0:
@@ -352,30 +357,33 @@ def find_low_level(block, low, rows, sections, settings, tile, words, at):
 def find_excess(block, low, start, rows, at, plan, tile, words, contact, touch, out):
     """Replace squares of the envelope by its excess over the effective floor, in dB.
 
-    A channel that does not count has NaN, and keeps its floor. Floors move in the rows of the word
-    ``touch`` only; a floor that is NaN begins there with the envelope. The effective floor follows
-    ``low``, in dB, from the floor itself up to a cap above it. For the common excess, ``low``
-    becomes the excess over the floor itself, at least 0, or infinity where a channel does not
-    count.
+    A channel that does not count has NaN, and keeps its floor; so has one without a floor yet.
+    Floors move in the rows of the word ``touch`` only; a floor that is NaN begins there with the
+    envelope. If none are given, the least is NaN, and floors begin and move only in rows in which
+    the channel's samples change and its envelope is above 0: a sensor that stands still for a
+    moment is no level of noise. The effective floor follows ``low``, in dB, from the floor itself
+    up to a cap above it. For the common excess, ``low`` becomes the excess over the floor itself,
+    at least 0 (also without a floor), or infinity where a channel does not count.
     """
     settings, limits, valid = plan.settings[0], plan.limits[at // LANES], load(words, (VALID, at))
+    moves = valid if settings.free_floors == 0 else load(words, (MOVES, at))
     settle_rows = float(settings.mains_rows + settings.envelope_rows)
     least_db, lift_db = load(limits, (LEAST_DB, 0)), settings.activity_cap_db
-    most_db = least_db + settings.noise_floor_range_db
+    most_db, is_given = least_db + settings.noise_floor_range_db, is_number(least_db)
     up_db, down_db = spread(settings.floor_up_db), spread(-settings.floor_down_db)
     age, floor, row = load(tile, (layout.AGE, 0)), load(tile, (layout.FLOOR, 0)), spread(FIRST_ROW)
     for k in range(rows):
         square = load(block, (k, 0))
         level = root_decibels(square)
-        is_valid = (valid & row) != NO_ROW
-        age = select(is_valid | (age > 0.0), age + 1.0, age)
-        counts = is_valid & (age > settle_rows)
+        is_moving = ((moves & row) != NO_ROW) & (is_given | (square > 0.0))
+        age = select(is_moving | (age > 0.0), age + 1.0, age)
+        counts = ((valid & row) != NO_ROW) & (age > settle_rows)
         if touch & FIRST_ROW:
             moved = floor + select(level > floor, up_db, down_db)
             moved = select(is_number(floor), moved, level)
-            moved = select(moved > least_db, moved, least_db)
-            moved = select(moved < most_db, moved, most_db)
-            floor = select(counts, moved, floor)
+            moved = select(moved < least_db, least_db, moved)
+            moved = select(moved > most_db, most_db, moved)
+            floor = select(counts & is_moving, moved, floor)
         effective = floor
         if lift_db > 0.0 and contact & FIRST_ROW:
             lifted, most = load(low, (k, 0)), floor + lift_db

@@ -22,6 +22,7 @@ import argparse
 import contextlib
 import functools
 import importlib
+import math
 import os
 import re
 import signal
@@ -32,10 +33,6 @@ from typing import NoReturn
 
 #: Exit code after Ctrl-C or SIGTERM.
 INTERRUPTED = 130
-
-#: A pipe takes so many characters whole or not at all. A signal may cut off a longer text if
-#: Python is told not to buffer its output.
-ATOMIC = 1000
 
 #: Characters that are kept of the beginning and of the end of a message that is too long.
 KEPT = 1500, 450
@@ -76,6 +73,14 @@ def whole_number(low: int, high: int = 10**9) -> Callable[[str], int]:
         return number
 
     return read
+
+
+def positive_number(text: str) -> float:
+    """Read an argument that is a number above 0."""
+    with contextlib.suppress(ValueError):
+        if 0.0 < (number := float(text)) < math.inf:
+            return number
+    raise argparse.ArgumentTypeError(f'is {text!r}, allowed: a number above 0')
 
 
 @contextlib.contextmanager
@@ -137,8 +142,7 @@ def run(name: str, work: Callable[[], str]) -> int:
     int
         The exit code: 0, or 1 after an error, which is one line on stderr; the ``advice`` of an
         error, if it has any, is printed. A full disk is an error, but a reader that stops early,
-        like ``head``, is not. A first interrupt while the text is printed does not cut it off; a
-        second one is a KeyboardInterrupt.
+        like ``head``, is not.
 
     Examples
     --------
@@ -157,11 +161,7 @@ def run(name: str, work: Callable[[], str]) -> int:
         if not text:
             return code
     try:
-        with interrupts_noted('\nstill printing (Ctrl-C again: end at once)\n') as stop:
-            stop()
-            for k in range(0, len(text), ATOMIC):
-                sys.stdout.write(text[k : k + ATOMIC])
-            print(flush=True)
+        print(text, flush=True)
     except (OSError, KeyboardInterrupt) as error:
         # The interpreter flushes the rest of the buffer at exit, which must not fail again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -19,7 +19,7 @@ well it does: areas under the ROC curve; slips and alarms matched one to one, wi
 and their parts by stage. The exit code is 0 whatever the figures are.
 
 The command uses no ROS: the chain runs over each recording from the first row, as in the detector
-node.
+node. A recording that cannot be read or does not suit the chain is left out, and named.
 
 ``slip_evaluate --json RECORDING...`` prints one object:
 
@@ -28,10 +28,10 @@ node.
     together, see :func:`slip_detector.evaluation.figures.figures_of_merit`, and counts of their
     faults, see :func:`slip_detector.evaluation.evaluator.recording_figures`. Under
     ``recordings``, by the name of the file, the same for each recording, with ``lost`` (which
-    part of a damaged file could not be read), ``doubts`` (why damage may go unseen), ``warnings``
-    (why decisions may mean nothing), ``on_intervals_s`` (start and end of each time ON),
-    ``invalid_percent`` (of the channels that are not always valid), ``labelled``, ``mistaken``
-    (whether the labels are marked as a mistake), and ``slip_events`` and ``alarm_events``, see
+    part of a damaged file could not be read), ``warnings`` (why decisions may mean nothing),
+    ``on_intervals_s`` (start and end of each time ON), ``invalid_percent`` (of the channels that
+    are not always valid), ``labelled``, ``mistaken`` (whether the labels are marked as a mistake),
+    and ``slip_events`` and ``alarm_events``, see
     :class:`slip_detector.evaluation.figures.TrueSlip` and ``Alarm``; None without labels.
 ``all``
     The figures and counts over all sets.
@@ -39,6 +39,8 @@ node.
     Sentences on what holds, and what is wrong with recordings.
 ``note``
     Where recordings have no labels: how to label them.
+``left_out``
+    Why recordings are left out that cannot be read or do not suit the chain, by their paths.
 ``not_evaluated``
     After Ctrl-C: the recordings that were not evaluated.
 ``written``
@@ -46,8 +48,10 @@ node.
 """
 
 import dataclasses
+import itertools
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -56,8 +60,8 @@ from slip_detector.commands import workers
 from slip_detector.commands.command_line import INTERRUPTED, Parser, run
 from slip_detector.evaluation import evaluator
 from slip_detector.evaluation.evaluator import EvaluatedRecording, RecordingLoader
-from slip_detector.parameters.fields import name_list
-from slip_detector.recordings import by_number, recording_sets, with_subfolders
+from slip_detector.parameters import name_list
+from slip_detector.recordings import group_recordings
 from slip_detector.recordings.labels import ENDING, KEY
 from slip_detector.report.overview import overview_of
 from slip_detector.report.page import write_evaluation_report
@@ -67,19 +71,19 @@ NAME = 'slip_evaluate'
 
 
 def evaluate(
-    arguments: Sequence[str],
+    files: Sequence[Path],
     loader: RecordingLoader,
     calls: workers.Calls | None = None,
     for_report: bool = False,
-) -> tuple[dict[str, dict[str, EvaluatedRecording]], list[Path]]:
-    """Evaluate sets of recordings, in parallel where there are several workers.
+) -> dict[Path, EvaluatedRecording | ValueError]:
+    """Evaluate recordings, in parallel where there are several workers.
 
     Parameters
     ----------
-    arguments
-        Files and folders, see :func:`slip_detector.recordings.recording_sets`.
+    files
+        The recordings.
     loader
-        Opens the recordings; it has the parameters of the chain and of the evaluation.
+        Opens them; it has the parameters of the chain and of the evaluation.
     calls
         Evaluates in other processes, see :func:`.workers.processes`; None: in this one.
     for_report
@@ -87,36 +91,27 @@ def evaluate(
 
     Returns
     -------
-    sets : dict
-        The evaluated recordings by the names of set and file: sets in the order of the arguments,
-        files in that of their names and numbers.
-    left : list of Path
-        The recordings that were not evaluated; empty unless Ctrl-C was pressed.
-
-    Raises
-    ------
-    ValueError
-        When a recording cannot be evaluated; names it.
-    KeyboardInterrupt
-        When Ctrl-C was pressed before the first recording was evaluated.
+    dict
+        What came of each recording; the error where it cannot be read or does not suit the chain.
+        After Ctrl-C some are missing.
     """
-    sets = {name: sorted(of, key=by_number) for name, of in recording_sets(arguments).items()}
-    files = [file for several in sets.values() for file in several]
     observe = partial(overview_of, loader.chain_config, 1 / len(files)) if for_report else None
-    function = partial(evaluator.evaluate_recording, loader, observe=observe)
-    found: dict[Path, EvaluatedRecording] = {}
-    with workers.progress_bar(len(files), 'recording') as bar:
-        try:
-            every = calls(function, files) if calls else enumerate(map(function, files))
-            for place, one in every:
-                found[files[place]] = one
-                bar.update()
-        except KeyboardInterrupt:
-            if not found:
-                raise
-    left = [file for file in files if file not in found]
-    done = {name: [file for file in several if file in found] for name, several in sets.items()}
-    return {name: {file.name: found[file] for file in of} for name, of in done.items() if of}, left
+    function = partial(_evaluate_one, loader, observe)
+    results: dict[Path, EvaluatedRecording | ValueError] = {}
+    with workers.progress_bar(len(files), 'recording') as bar, suppress(KeyboardInterrupt):
+        for place, result in calls(function, files) if calls else enumerate(map(function, files)):
+            results[files[place]] = result
+            bar.update()
+    return results
+
+
+def _evaluate_one(
+    loader: RecordingLoader, observe: Any, path: Path
+) -> EvaluatedRecording | ValueError:
+    try:
+        return evaluator.evaluate_recording(loader, path, observe=observe)
+    except ValueError as error:
+        return error
 
 
 def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str, Any]:
@@ -126,7 +121,7 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
         'sets': {
             name: {
                 **evaluator.recording_figures(files.values()),
-                'recordings': {file: _figures_of(files[file]) for file in files},
+                'recordings': {file: _collect_figures(files[file]) for file in files},
             }
             for name, files in sets.items()
         },
@@ -142,7 +137,7 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
     return report
 
 
-def _figures_of(recording: EvaluatedRecording) -> dict[str, Any]:
+def _collect_figures(recording: EvaluatedRecording) -> dict[str, Any]:
     """Return the figures and events of one recording."""
     outcome, counts = recording.outcome, recording.counts
     figures = {
@@ -150,7 +145,6 @@ def _figures_of(recording: EvaluatedRecording) -> dict[str, Any]:
         'labelled': recording.labelled,
         'mistaken': recording.mistaken,
         'lost': counts.damage,
-        'doubts': counts.doubts,
         'warnings': recording.warnings,
         'on_intervals_s': outcome.on_s,
         'invalid_percent': recording.invalid_percent,
@@ -167,23 +161,33 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--json', action='store_true', help='print one JSON object')
     workers.add_options(parser, 'evaluate recordings in parallel', recordings='+')
     options = parser.parse_args(argv)
-    page, left = options.report, list[Path]()
+    page, left = options.report, list[str]()
 
     def work() -> str:
-        loader = workers.with_options(options, RecordingLoader())
+        loader = workers.apply_options(options, RecordingLoader())
         # Errors are reported before an hour of recordings is read.
         workers.check_apart({'--report': page}, options.config, options.labels)
+        sets = group_recordings(options.recordings)
+        files = [*itertools.chain(*sets.values())]
         with workers.processes(options.jobs) as calls:
-            sets, left[:] = evaluate(options.recordings, loader, calls, page is not None)
-        report = as_report(sets)
-        given = {Path(path).resolve() for path in options.recordings}
-        folders = with_subfolders(options.recordings)
-        inner = name_list([path for path in folders if Path(path).resolve() not in given])
-        report['answer'] += [f'Left out, as they are not given: {inner}'] if inner else []
+            results = evaluate(files, loader, calls, page is not None)
+        left[:] = [str(file) for file in files if file not in results]
+        evaluated: dict[str, dict[str, EvaluatedRecording]] = {}
+        left_out = dict[str, str]()
+        for name, file in [(name, file) for name, of in sets.items() for file in of]:
+            if isinstance(result := results.get(file), EvaluatedRecording):
+                evaluated.setdefault(name, {})[file.name] = result
+            elif result:
+                left_out[str(file)] = str(result)
+        if not evaluated:
+            first = results.get(files[0])
+            raise first if isinstance(first, ValueError) else KeyboardInterrupt
+        report = as_report(evaluated) | {'left_out': left_out}
+        report['answer'] += [f'Left out: {error}' for error in left_out.values()]
         if left:
-            report['not_evaluated'] = [str(path) for path in left]
+            report['not_evaluated'] = left
         if page:
-            write_evaluation_report(page, sets, report, options.config)
+            write_evaluation_report(page, evaluated, report, options.config)
             report['written'] = [str(page)]
         text = evaluation_tables(report, options.verbose)
         return json.dumps(report, indent=2) if options.json else text

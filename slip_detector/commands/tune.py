@@ -14,12 +14,12 @@
 
 """The command ``slip_tune``.
 
-Learn of a finger's recordings how to detect its slips: noise and mains of rest, impacts of taps,
-contact of a finger that touches nothing; then search the parameters that catch labelled slips
-soonest without false alarms. Of a folder its recordings are read, and those of the folders in it.
-Of each kind every third, from the second on, is held out: on these the result is never worse than
-the given parameters. Ctrl-C ends the search with the result so far, and the same command continues
-it.
+Learn from a finger's recordings how to detect its slips: noise and mains from rest, impacts from
+taps, contact from a finger that touches nothing; then search for the parameters that detect
+labelled slips soonest without false alarms. Of a folder its recordings are read, and those of the
+folders in it. Of each kind every third recording, from the second on, is held out; there the
+result is never worse than the given parameters. Ctrl-C ends the search with the result so far,
+and the same command continues it.
 
 It uses no ROS. :func:`slip_detector.tuning.verdict.tune` does the work.
 """
@@ -27,7 +27,6 @@ It uses no ROS. :func:`slip_detector.tuning.verdict.tune` does the work.
 import argparse
 import datetime
 import json
-import math
 import shlex
 import sys
 from collections.abc import Callable, Sequence
@@ -35,12 +34,15 @@ from pathlib import Path
 from typing import Any
 
 from slip_detector.commands import workers
-from slip_detector.commands.command_line import Parser, interrupts_noted, run, whole_number
+from slip_detector.commands.command_line import (
+    Parser,
+    interrupts_noted,
+    positive_number,
+    run,
+    whole_number,
+)
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.sections import parameter_file
-from slip_detector.parameters.yaml_files import write_yaml
-from slip_detector.recordings import with_subfolders
+from slip_detector.parameters import DetectorConfig, parameter_file, write_yaml
 from slip_detector.recordings.labels import KINDS
 from slip_detector.report.texts import answer, bad_recordings, compare, say_number, text_table
 from slip_detector.tuning.learning import learn_from_quiet
@@ -69,7 +71,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     add('--trials', type=whole_number(1), metavar='N', help=text.format(*TRIALS))
     text = 'where trials are kept and shared: a journal (.journal; default: one beside --out), '
     add('--storage', metavar='URL', help=f'{text}sqlite:///FILE, postgresql://...')
-    add('--seed', type=int, default=0, metavar='N', help='seed (default: %(default)s)')
+    add('--seed', type=whole_number(0), default=0, metavar='N', help='seed (default: %(default)s)')
     several: Any = {'action': 'append', 'default': [], 'metavar': 'RECORDING'}
     text = 'a recording, or a folder of them, to hold out; all others are tuned on; repeatable'
     add('--held-out', **several, help=text)
@@ -81,13 +83,12 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         text = f'a recording of the kind {kind}, or a folder of them; repeatable'
         add(f'--{kind}', **several, help=text)
     add = parser.add_argument_group('learn from a recording, without a search').add_argument
-    text = 'a recording without slip, to learn mains and, where evidence decides, noise floors of'
+    text = 'a recording without slip, from which to learn noise floors and mains for evidence'
     add('--quiet', metavar='RECORDING', help=text)
-    add('--false-alarms-per-hour', type=float, metavar='R', help='set the threshold too, for this')
+    text = 'also set the threshold, for at most R false alarms an hour'
+    add('--false-alarms-per-hour', type=positive_number, metavar='R', help=text)
     options = parser.parse_args(argv)
     rate, quiet = options.false_alarms_per_hour, options.quiet is not None
-    if rate is not None and not 0.0 < rate < math.inf:
-        parser.error(f'--false-alarms-per-hour: is {rate:g}, allowed: a number above 0')
     if not quiet and rate is not None:
         parser.error('--false-alarms-per-hour goes with --quiet')
     if not quiet and not options.recordings:
@@ -145,8 +146,6 @@ def _search(
     options: argparse.Namespace, parameters: TuningParameters, where: str, stop: Callable[[], bool]
 ) -> tuple[dict[str, Any], list[str], Callable[[Path], None]]:
     """Search; return the result, lines about it, and a function that writes the report."""
-    for name in ('recordings', 'held_out', *KINDS):
-        setattr(options, name, with_subfolders(getattr(options, name)))
     of_kinds = [(kind, path) for kind in KINDS for path in getattr(options, kind)]
     files = TrainingFiles(options.recordings, parameters.loader, options.held_out, of_kinds)
     with (
@@ -160,11 +159,12 @@ def _search(
     from slip_detector.report.page import replay_variant, write_page
 
     problem, held, study, verdict, notes = result
-    given, found = parameters.chain, verdict.tried or verdict.chain
+    given_chain, tried_chain = parameters.chain, verdict.tried or verdict.chain
+    chains = {'given': given_chain, 'not taken' if verdict.kept else 'tuned': tried_chain}
     parts = {'held out': held, 'tuned on': problem.tracks}
     variants = [
         replay_variant(name, Replay(chain, problem.evaluation), parts)
-        for name, chain in (('given', given), ('not taken' if verdict.kept else 'tuned', found))
+        for name, chain in chains.items()
     ]
     before, after = (variant.figures['all held out'] for variant in variants)
     answers = answer(after, before)
@@ -178,17 +178,17 @@ def _search(
         f'Held out, and not tuned on: {_describe(held)}',
         *notes,
     ]
-    rows, values = compare(before, after), given.to_parameters().items()
-    changes = dict(pair for pair in found.to_parameters().items() if pair not in values)
+    rows, values = compare(before, after), given_chain.to_parameters().items()
+    changes = dict(pair for pair in tried_chain.to_parameters().items() if pair not in values)
     summary = {
         'step': '', 'share': 1.0, 'lines': notes, 'answer': answers, 'kept': verdict.kept,
-        'changes': {**searched_parameters(found), **changes}, 'table': rows,
+        'changes': {**searched_parameters(tried_chain), **changes}, 'table': rows,
     }  # fmt: skip
     other, taken = variants[::-1] if verdict.kept else variants
     # The figures of each recording are after those of each part.
     sentences = answers + bad_recordings(dict([*taken.figures.items()][len(parts) :]))
     page = 'Tuning of the slip detector', [other, taken], sentences, lines, options.out
-    table = text_table([['', *(one.name for one in variants)], *rows], '<>><').splitlines()
+    table = text_table([['', *chains], *rows], '<>><').splitlines()
     return summary, [*lines, 'On what was held out:', *table], lambda path: write_page(path, *page)
 
 
@@ -197,12 +197,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = _arguments(argv)
 
     def work() -> str:
-        parameters = workers.with_options(options, TuningParameters())
-        written = {'--out': options.out, '--report': options.report}
+        parameters = workers.apply_options(options, TuningParameters())
+        outputs = {'--out': options.out, '--report': options.report}
         where = options.storage or f'{options.out}.study.journal'
-        workers.check_apart(written, options.labels, where)
-        workers.check_apart({'--report': options.report}, options.config)
-        paths = [str(path) for path in written.values() if path is not None]
+        workers.check_apart(outputs, options.config, options.labels, where)
+        paths = [str(path) for path in outputs.values() if path is not None]
         with interrupts_noted(STOPPING) as stop:
             if options.quiet is not None:
                 quiet = parameters.chain, parameters.loader, options.false_alarms_per_hour
@@ -212,8 +211,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                 result, lines, write_report = _search(options, parameters, where, stop)
                 answers, changes = result['answer'], {} if result['kept'] else result['changes']
             file = options.config
-            given = DetectorConfig.from_yaml(file) if file else DetectorConfig()
-            document = parameter_file({'/slip_detector': given.with_values(changes)}, file)
+            config = DetectorConfig.from_yaml(file) if file else DetectorConfig()
+            document = parameter_file({'/slip_detector': config.with_values(changes)}, file)
             now = datetime.datetime.now(datetime.timezone.utc)
             command = shlex.join([NAME, *(sys.argv[1:] if argv is None else argv)])
             title = f'Written by {NAME} on {now:%Y-%m-%d %H:%M} UTC:'

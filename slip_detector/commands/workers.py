@@ -18,25 +18,32 @@ import argparse
 import contextlib
 import dataclasses
 import functools
+import itertools
+import logging
 import multiprocessing
 import os
 import signal
 import tempfile
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from multiprocessing import connection, resource_tracker
+from concurrent import futures
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
 
 from slip_detector.commands.command_line import whole_number
-from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.files import file_errors_of, find_parameter_file
+from slip_detector.parameters import RecordingConfig, file_errors_of, find_parameter_file
 from slip_detector.recordings import ENDINGS, is_recording
+
+LOG = logging.getLogger(__name__)
 
 #: The parameters of :class:`RecordingConfig` that are options, without ``recording_``.
 RECORDING_OPTIONS = ('topic', 'field', 'labels', 'resample')
+
+#: The function that this process, one of several, calls.
+_FUNCTION: list[Callable[[Any], Any]] = []
 
 #: Calls a function with each of several arguments; yields the index of each argument with the
 #: result of its call, as the calls end.
@@ -65,7 +72,7 @@ def add_options(parser: argparse.ArgumentParser, work: str, recordings: str = '*
     )  # fmt: skip
     text = 'write an HTML page with timelines that can be zoomed, and all figures'
     parser.add_argument('--report', type=Path, metavar='FILE.html', help=text)
-    parser.add_argument('--verbose', action='store_true', help='print all figures')
+    parser.add_argument('--verbose', action='store_true', help='print more figures')
     text = f'processes that {work} (default: 1)'
     parser.add_argument('--jobs', type=whole_number(1), metavar='N', help=text)
     group = parser.add_argument_group('what to read of a recording')
@@ -77,19 +84,24 @@ def add_options(parser: argparse.ArgumentParser, work: str, recordings: str = '*
             group.add_argument(f'--{name}', action=action, default=None, help=meaning)
 
 
-def with_options(options: argparse.Namespace, sets: Any) -> Any:
+def apply_options(options: argparse.Namespace, sets: Any) -> Any:
     """Return a named tuple of parameter sets with the values of ``--config`` and other options.
 
-    ``options.config`` becomes the path of the file.
+    ``options.config`` becomes the path of the file. A ValueError names a file that is not there.
     """
+    if options.labels:
+        with file_errors_of(f'--labels {options.labels}', 'read'):
+            os.stat(options.labels)
     if options.config:
         options.config = str(find_parameter_file(options.config))
         sets = sets._make(type(one).from_yaml(options.config) for one in sets)
+        for words in itertools.chain.from_iterable(one.remarks() for one in sets):
+            LOG.warning('%s: %s', options.config, words)
     values = {f'recording_{name}': getattr(options, name) for name in RECORDING_OPTIONS}
     changes = {name: value for name, value in values.items() if value is not None}
     return sets._make(
-        dataclasses.replace(one, **changes) if isinstance(one, RecordingConfig) else one
-        for one in sets
+        dataclasses.replace(config, **changes) if isinstance(config, RecordingConfig) else config
+        for config in sets
     )
 
 
@@ -103,7 +115,7 @@ def check_writable(path: Path) -> None:
     ValueError: no such folder/tuned.yaml: cannot be written (No such file or directory)
     """
     with file_errors_of(path):
-        # Either would be replaced by a file.
+        # A folder or a protected file would be replaced.
         if path.exists() and not (path.is_file() and os.access(path, os.W_OK)):
             raise OSError(0, 'is write-protected' if path.is_file() else 'is no file')
         # whole_file needs to write beside it.
@@ -111,12 +123,12 @@ def check_writable(path: Path) -> None:
             pass
 
 
-def check_apart(written: Mapping[str, Path | None], *read: str | Path | None) -> None:
+def check_apart(outputs: Mapping[str, Path | None], *read: str | Path | None) -> None:
     """Refuse a file to write that is a recording, is read or written too, or cannot be written.
 
     Parameters
     ----------
-    written
+    outputs
         Files to write, by the option that names each; None: the option is not given.
     read
         Files that are read beside recordings, or None.
@@ -128,7 +140,7 @@ def check_apart(written: Mapping[str, Path | None], *read: str | Path | None) ->
     ValueError: --report tuned.yaml: is written by --out too, allowed: a file of its own
     """
     uses = {Path(path).resolve(): 'is read too' for path in read if path}
-    for option, path in written.items():
+    for option, path in outputs.items():
         if path is not None:
             file, own = path.resolve(), f'is written by {option} too'
             use = 'is a recording' if is_recording(file) else uses.setdefault(file, own)
@@ -168,70 +180,53 @@ def processes(jobs: int | None = None) -> Iterator[Calls | None]:
     if jobs is None or jobs == 1:
         yield None
         return
-    context, started = multiprocessing.get_context('spawn'), dict[Any, Any]()
+    executors = dict[Any, futures.ProcessPoolExecutor]()
+    try:
+        yield functools.partial(_make_calls, executors, jobs)
+    finally:
+        for process in multiprocessing.active_children():
+            process.kill()
+        for executor in executors.values():
+            executor.shutdown()
+
+
+def _make_calls(
+    executors: dict[Any, futures.ProcessPoolExecutor],
+    jobs: int,
+    function: Callable[[Any], Any],
+    arguments: Sequence[Any],
+) -> Iterator[tuple[int, Any]]:
+    """Let processes call a function; see :data:`Calls`."""
+    if function not in executors:
+        # Each process gets the function once, as it may hold much data.
+        context = multiprocessing.get_context('spawn')
+        executors[function] = futures.ProcessPoolExecutor(jobs, context, _begin, (function,))
     # Ctrl-C goes to all processes of a terminal, but only this one is to react. A signal that is
     # blocked while another process starts stays blocked in it. Starting the resource tracker,
     # which the first process would do, ends the block.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
-        for _ in range(jobs):
-            here, there = context.Pipe()
-            process = context.Process(target=_make_calls, args=(there,), daemon=True)
-            process.start()
-            started[here] = process
-            there.close()
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        yield functools.partial(_results, dict.fromkeys(started))
+        executor = executors[function]
+        places = {executor.submit(_call, each): place for place, each in enumerate(arguments)}
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        for process in started.values():
-            process.kill()
-            process.join()
-
-
-def _results(
-    workers: dict[Any, Any], function: Callable[[Any], Any], arguments: Sequence[Any]
-) -> Iterator[tuple[int, Any]]:
-    """Let processes call a function; see :data:`Calls`.
-
-    ``workers`` has the function that each process called last, by the connection to it: a function
-    is sent once, as it may hold much data.
-    """
-    waiting, running = [*enumerate(arguments)], dict[Any, int]()
     try:
-        while waiting or running:
-            for worker, last in workers.items():
-                if waiting and worker not in running:
-                    running[worker], argument = waiting.pop(0)
-                    worker.send((None if last is function else function, argument))
-                    workers[worker] = function
-            ready: Any = connection.wait([*running])
-            for worker in ready:
-                refused, result = worker.recv()
-                if refused:
-                    raise refused
-                yield running.pop(worker), result
-    except (EOFError, OSError) as error:
-        died = f'allowed: fewer --jobs than {len(workers)} where memory is short'
-        why = str(error) or type(error).__name__
-        raise ValueError(f'a worker process died, {died} ({why})') from None
+        for done in futures.as_completed(places):
+            yield places[done], done.result()
+    except futures.BrokenExecutor as error:
+        died = f'allowed: fewer --jobs than {jobs} where memory is short'
+        raise ValueError(f'a worker process died, {died} ({error})') from None
 
 
-def _make_calls(caller: Any) -> None:
-    """Make calls, as the only thing of this process; it ends with the one that started it."""
+def _begin(function: Callable[[Any], Any]) -> None:
+    """Note the function that this process calls, and end with the process that started it."""
+    _FUNCTION.append(function)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    function: Any = None
-    with contextlib.suppress(EOFError, OSError):  # Nobody calls any more.
-        while True:
-            other, argument = caller.recv()
-            function = other or function
-            try:
-                done: Any = None, function(argument)
-            except (ValueError, OSError) as error:
-                # Of others it is not known whether they can be sent.
-                done = error if hasattr(error, 'advice') else ValueError(str(error)), None
-            caller.send(done)
+
+
+def _call(argument: Any) -> Any:
+    return _FUNCTION[0](argument)
 
 
 def _end_with_parent() -> None:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Bools, Floats
 from slip_detector.evaluation import figures
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters import ChainConfig
 
 #: Latency that more than one in a hundred samples has only where a node was held up.
 HELD_UP_MS = 50.0

@@ -24,11 +24,16 @@ from slip_detector.chain.live_chain import words_of
 from slip_detector.chain.samples import Bools, Samples
 from slip_detector.evaluation.figures import ReplayOutcome, decision_figures, figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters import ChainConfig, DetectorConfig, EvaluationConfig, RecordingConfig
-from slip_detector.parameters.detector import default_channel_names
-from slip_detector.parameters.fields import refuse
-from slip_detector.parameters.fitting import fitting
-from slip_detector.parameters.yaml_files import as_yaml
+from slip_detector.parameters import (
+    ChainConfig,
+    DetectorConfig,
+    EvaluationConfig,
+    RecordingConfig,
+    as_yaml,
+    default_channel_names,
+    fitting,
+    refuse,
+)
 from slip_detector.recordings import Recording, RecordingCounts, open_recording, rates_differ
 from slip_detector.recordings.labels import labels_name
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Matches each true slip to at most one alarm, at one threshold or at many at once.
+"""Matches each true slip to at most one alarm, at many thresholds at once.
 
 An alarm begins where the global decision rises after it was OFF for ``off_before_s`` or more; a
 shorter OFF does not end the alarm before. A true slip is an interval of the label. The first rows
@@ -23,17 +23,16 @@ Time is counted in rows from the first row of the recording, including the rows 
 gaps, so that nothing depends on rounding.
 """
 
-import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from slip_detector.chain.samples import Bools, Floats, Ints
 from slip_detector.compiled import compiled
 from slip_detector.evaluation.events import LASTING, Events
-from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.evaluation.figures import FALSE, REPEAT, SETTLING, TRUE, Alarm
+from slip_detector.parameters import EvaluationConfig
 
 #: Takes the place of the number of an alarm or a slip where there is none.
 NONE = -1
@@ -87,19 +86,34 @@ class OnIntervals:
         return list(map(RowInterval, self.edges[::2], self.edges[1::2]))
 
 
-def rows_on(on: Sequence[RowInterval], starts: ArrayLike, ends: ArrayLike) -> Ints:
-    """Return in how many rows from each start to its end, shapes (n,), a signal is ON.
+class Intervals(NamedTuple):
+    """Intervals of rows in order, none of them empty; three arrays of one shape.
 
-    Examples
-    --------
-    >>> rows_on([RowInterval(2, 5), RowInterval(8, 9)], starts=[0, 4], ends=[3, 9])
-    array([1, 2])
+    ``rows_before`` is the number of rows in all intervals before each.
     """
-    edges = np.array([0, 0, *itertools.chain(*on)], np.int64)
-    # The rows that are ON before each edge: within an interval they grow by one a row.
-    before = np.cumsum(np.diff(edges, prepend=0) * (np.arange(edges.size) % 2))
-    rows_before = np.interp([starts, ends], edges, before)
-    return np.asarray(np.diff(rows_before, axis=0)[0], np.int64)
+
+    starts: Ints
+    ends: Ints
+    rows_before: Ints
+
+    @classmethod
+    def between(cls, starts: Ints, ends: Ints) -> 'Intervals':
+        """Return the intervals between starts and ends without those that are empty."""
+        filled = starts < ends
+        lengths = (ends - starts)[filled]
+        return cls(starts[filled], ends[filled], np.cumsum(np.append(0, lengths)))
+
+
+@compiled
+def rows_until(row, intervals, k):
+    """Return how many rows of intervals are before a row, and the first interval not before it.
+
+    ``k`` is any interval up to that one.
+    """
+    while k < intervals.ends.size and intervals.ends[k] <= row:
+        k += 1
+    within = max(row - intervals.starts[k], 0) if k < intervals.ends.size else 0
+    return intervals.rows_before[k] + within, k
 
 
 def unscored_rows(settling_rows: int, config: EvaluationConfig, sample_rate_hz: float) -> int:
@@ -108,25 +122,59 @@ def unscored_rows(settling_rows: int, config: EvaluationConfig, sample_rate_hz: 
 
 
 @compiled
-def assign_alarm(alarm, row, lows, highs, alarm_of, threshold):
+def _assign_alarm(row, lows, highs, rises, threshold):
     """Assign an alarm to the first slip that it can belong to and that has no alarm yet.
 
-    Return the slip, also where the alarm is a repeated one; ``NONE`` for a false alarm. ``row`` is
-    the row at which the alarm rises, and ``alarm_of`` has the number of each slip's alarm at each
-    threshold, ``NONE`` before there is one; shape (slips, thresholds).
+    Return whether it belongs to a slip, also where that has an alarm already. ``row`` is the row
+    at which the alarm rises, and ``rises`` that of the alarm of each slip at each threshold.
 
     Windows overlap only where the tail of one slip meets the early part of the next. So the alarm
     can belong to the first slip whose window has not ended, or to the slip after it.
     """
-    belongs, slip = NONE, np.searchsorted(highs, row, 'right')
+    belongs, slip = False, np.searchsorted(highs, row, 'right')
     for s in range(slip, min(slip + 2, lows.size)):
         if lows[s] <= row:
-            if alarm_of[s, threshold] == NONE:
-                alarm_of[s, threshold] = alarm
-                return s
-            if belongs == NONE:
-                belongs = s
+            belongs = True
+            if rises[s, threshold] == NONE:
+                rises[s, threshold] = row
+                break
     return belongs
+
+
+@compiled
+def _follow(
+    rows, values, stretch, scored_from, off_rows, limits, windows, certain, rest, rises, alarms,
+    rows_above,
+):  # fmt: skip
+    """Follow a statistic through all thresholds over one stretch.
+
+    ``alarms`` counts the false alarms at each threshold, and ``rows_above`` the rows of
+    ``certain`` and of ``rest`` by the number of thresholds that the statistic is above. Only what
+    crosses a threshold takes time.
+    """
+    # For each threshold the row at which the value last fell to it.
+    fell = np.full(limits.size, stretch[0] - off_rows)
+    above = in_certain = in_rest = 0
+    for k in range(rows.size):
+        value, before, row = values[k], above, rows[k]
+        while above < limits.size and value > limits[above]:
+            above += 1
+        while above > 0 and value <= limits[above - 1]:
+            above -= 1
+            fell[above] = row
+        if above == before:
+            continue
+        certain_rows, in_certain = rows_until(row, certain, in_certain)
+        rest_rows, in_rest = rows_until(row, rest, in_rest)
+        rows_above[before, 0] += certain_rows
+        rows_above[before, 1] += rest_rows
+        rows_above[above, 0] -= certain_rows
+        rows_above[above, 1] -= rest_rows
+        for t in range(before, above):
+            if row >= scored_from and row - fell[t] >= off_rows:
+                alarms[t] += not _assign_alarm(row, windows[0], windows[1], rises, t)
+    rows_above[above, 0] += rows_until(stretch[1], certain, in_certain)[0]
+    rows_above[above, 1] += rows_until(stretch[1], rest, in_rest)[0]
 
 
 class ScoredRows:
@@ -152,6 +200,8 @@ class ScoredRows:
         Rate of the recording.
     accuracy_s
         How exact the starts and ends of the slips are.
+    kind
+        The kind of the recording.
 
     Attributes
     ----------
@@ -167,18 +217,18 @@ class ScoredRows:
     leads_s, windows_s : ndarray, shape (slips,)
         Time from the beginning of each window to the middle of the first row of its slip, or, as
         far as its start is not exact, to the latest such row; and length of the window.
-    certain : tuple of ndarray of int, shapes (slips,)
-        First and last rows, plus one, that certainly slip, of scored slips; none of others.
-    rest : tuple of ndarray of int, shapes (intervals,)
-        The same of the rest: scored rows that are in no window.
+    certain : Intervals
+        Rows that certainly slip, of scored slips.
+    rest : Intervals
+        Scored rows that are in no window.
 
     Examples
     --------
     >>> config = EvaluationConfig(off_before_s=0.05, tail_s=0.05)
     >>> rows = ScoredRows([RowInterval(10, 20), RowInterval(50, 60)], [RowInterval(0, 100)],
     ...                   settling_rows=30, config=config, sample_rate_hz=100.0)
-    >>> rows.scored, rows.settling_rows, rows.rest
-    (array([False,  True]), 30, (array([30, 65]), array([ 50, 100])))
+    >>> rows.scored, rows.settling_rows, rows.rest.starts, rows.rest.ends
+    (array([False,  True]), 30, array([30, 65]), array([ 50, 100]))
     """
 
     def __init__(
@@ -189,11 +239,12 @@ class ScoredRows:
         config: EvaluationConfig,
         sample_rate_hz: float,
         accuracy_s: float = 0.0,
+        kind: str = '',
     ) -> None:
-        self._rate_hz, self._accuracy_s = sample_rate_hz, accuracy_s
+        self._rate_hz, self._accuracy_s, self._kind = sample_rate_hz, accuracy_s, kind
         self.off_rows = round(config.off_before_s * sample_rate_hz)
         inexact = round(accuracy_s * sample_rate_hz)
-        self._starts, ends = _columns(stretches)
+        self._stretches, (self._starts, ends) = stretches, _columns(stretches)
         unscored = unscored_rows(settling_rows, config, sample_rate_hz)
         self.settled = np.minimum(self._starts + unscored, ends)
         slip_starts, slip_ends = _columns(slips)
@@ -201,7 +252,7 @@ class ScoredRows:
         stretch = self._stretch_of(slip_starts)
         self.scored = np.asarray(slip_starts >= self.settled[stretch])
         starts = np.where(self.scored, slip_starts + inexact, slip_ends)
-        self.certain = starts, np.maximum(slip_ends - inexact, starts)
+        self.certain = Intervals.between(starts, slip_ends - inexact)
         lows = slip_starts - round(config.early_s * sample_rate_hz) - inexact
         highs = slip_ends + round(config.tail_s * sample_rate_hz) + inexact
         lows[1:] = np.maximum(lows[1:], slip_ends[:-1])
@@ -215,23 +266,16 @@ class ScoredRows:
         # or the end of the stretch. There is no rest between windows that meet or overlap.
         starts = np.sort(np.concatenate([self.settled, self.highs]))
         ends = np.sort(np.concatenate([self.lows, ends]))
-        self.rest = starts[starts < ends], ends[starts < ends]
+        self.rest = Intervals.between(starts, ends)
         self.settling_rows = int((self.settled - self._starts).sum())
 
     def _stretch_of(self, rows: Ints) -> Ints:
         return np.searchsorted(self._starts, rows, 'right') - 1
 
-    def alarms(self, on: Sequence[RowInterval]) -> list[RowInterval]:
+    def _alarms(self, on: Sequence[RowInterval]) -> list[RowInterval]:
         """Return the alarms of a decision that is ON in these intervals, which are in order.
 
         Two intervals in one stretch that are less than ``off_rows`` apart are one alarm.
-
-        Examples
-        --------
-        >>> config = EvaluationConfig(off_before_s=0.05)
-        >>> rows = ScoredRows([], [RowInterval(0, 100)], 0, config, sample_rate_hz=100.0)
-        >>> rows.alarms([RowInterval(10, 20), RowInterval(24, 30), RowInterval(35, 36)])
-        [RowInterval(start=10, end=30), RowInterval(start=35, end=36)]
         """
         starts, ends = _columns(on)
         stretch = self._stretch_of(starts)
@@ -240,39 +284,8 @@ class ScoredRows:
         first, last = np.concatenate([outer, new]), np.concatenate([new, outer])
         return list(map(RowInterval, starts[first].tolist(), ends[last].tolist()))
 
-    def settling(self, rises: Sequence[int]) -> Bools:
-        """Return at which rows the chain still settles after a stretch began; shape (n,)."""
-        rows = np.array(rises, np.int64)
-        return np.asarray(rows < self.settled[self._stretch_of(rows)])
-
-    def events(
-        self, kind: str, rises: Ints, alarms: Ints, on_certain: Ints, on_rest: Ints
-    ) -> Events:
-        """Return what a decision makes of the recording at each of T thresholds.
-
-        Parameters
-        ----------
-        kind
-            The kind of the recording.
-        rises
-            The row at which the alarm of each slip rises, ``NONE`` without one; shape (slips, T).
-        alarms
-            Number of false alarms; shape (T,).
-        on_certain, on_rest
-            In how many rows of :attr:`certain` and :attr:`rest` it is ON; shapes (T,).
-        """
-        late_s = (rises - self._slip_starts[:, np.newaxis]) / self._rate_hz
-        late_s -= np.clip(late_s, -self._accuracy_s, self._accuracy_s)
-        latencies_ms = np.where(rises == NONE, np.nan, 1e3 * late_s)[self.scored]
-        lasting = np.zeros((len(LASTING), 3, len(alarms)))
-        slip, rest = lasting[0], lasting[LASTING.index(kind)]
-        slip[0], rest[0] = (np.sum(b - a) / self._rate_hz for a, b in (self.certain, self.rest))
-        slip[1], rest[1], rest[2] = on_certain / self._rate_hz, on_rest / self._rate_hz, alarms
-        of_scored = self.leads_s[self.scored], self.windows_s[self.scored]
-        return Events(latencies_ms, *of_scored, lasting, int(np.sum(~self.scored)))
-
-    def match(self, rises: Sequence[int]) -> tuple[Ints, Ints]:
-        """Match each true slip to at most one alarm and each alarm to at most one slip.
+    def match(self, rows: Ints, values: Floats, limits: Floats) -> tuple[Ints, Events]:
+        """Match each true slip to at most one alarm, at each of T thresholds.
 
         An alarm can belong to a slip when it rises within the slip's window. In the order of time
         each alarm is given to the first slip that it can belong to and that has no alarm yet; no
@@ -280,30 +293,96 @@ class ScoredRows:
 
         Parameters
         ----------
-        rises
-            Rows at which the alarms rise, in the order of time.
+        rows
+            Rows in which the decision statistic may change, in rising order; shape (n,).
+        values
+            The statistic from each of these rows up to the next, or to the end of the stretch. The
+            decision is ON where it is above the threshold.
+        limits
+            The thresholds in rising order; shape (T,).
 
         Returns
         -------
-        alarm_of : ndarray of int, shape (slips,)
-            The alarm of each slip; ``NONE`` where there is none, or the slip is not scored.
-        slip_of : ndarray of int, shape (alarms,)
-            The slip that each alarm belongs to, also where it is a repeated alarm; else ``NONE``.
+        rises : ndarray of int, shape (slips, T)
+            The row at which the alarm of each slip rises; ``NONE`` where it has none.
+        events : Events
+            The same of the slips that are scored, and the rest.
 
         Examples
         --------
         >>> config = EvaluationConfig(off_before_s=0.0, tail_s=0.05)
         >>> slips, stretches = [RowInterval(10, 20), RowInterval(50, 60)], [RowInterval(0, 99)]
-        >>> ScoredRows(slips, stretches, 0, config, sample_rate_hz=100.0).match([12, 17, 40])
-        (array([ 0, -1]), array([ 0,  0, -1]))
+        >>> rows = ScoredRows(slips, stretches, 0, config, sample_rate_hz=100.0)
+        >>> rises, events = rows.match(np.array([12, 17, 40, 41]), np.array([2.0, 1.0, 3.0, 0.0]),
+        ...                            limits=np.array([0.5, 1.5]))
+        >>> rises.tolist(), events.rest[2]
+        ([[12, 12], [-1, -1]], array([0., 1.]))
         """
-        alarm_of = np.full((len(self.lows), 1), NONE, np.int64)
-        slip_of = np.full(len(rises), NONE, np.int64)
-        rows = np.array(rises, np.int64)
-        for alarm in np.flatnonzero(~self.settling(rises)):
-            slip_of[alarm] = assign_alarm(alarm, rows[alarm], self.lows, self.highs, alarm_of, 0)
-        alarm_of[~self.scored] = NONE
-        return alarm_of[:, 0], slip_of
+        rises = np.full((len(self.lows), limits.size), NONE, np.int64)
+        alarms, rows_above = np.zeros(limits.size), np.zeros((limits.size + 1, 2))
+        cuts = [0, *np.searchsorted(rows, self._starts[1:]), rows.size]
+        parts = map(slice, cuts[:-1], cuts[1:])
+        for stretch, scored_from, part in zip(self._stretches, self.settled, parts, strict=False):
+            _follow(
+                rows[part], values[part], stretch, scored_from, self.off_rows, limits,
+                (self.lows, self.highs), self.certain, self.rest, rises, alarms, rows_above,
+            )  # fmt: skip
+        late_s = (rises - self._slip_starts[:, np.newaxis]) / self._rate_hz
+        late_s -= np.clip(late_s, -self._accuracy_s, self._accuracy_s)
+        latencies_ms = np.where(rises == NONE, np.nan, 1e3 * late_s)[self.scored]
+        lasting = np.zeros((len(LASTING), 3, limits.size))
+        slip, rest = lasting[0], lasting[LASTING.index(self._kind)]
+        whole = (self.certain, self.rest)
+        slip[0], rest[0] = (of.rows_before[-1] / self._rate_hz for of in whole)
+        # It is ON at threshold t where it is above more than t thresholds.
+        on_rows = np.cumsum(rows_above[::-1], axis=0)[-2::-1]
+        (slip[1], rest[1]), rest[2] = on_rows.T / self._rate_hz, alarms
+        of_scored = self.leads_s[self.scored], self.windows_s[self.scored]
+        return rises, Events(latencies_ms, *of_scored, lasting, int(np.sum(~self.scored)))
+
+    def match_decision(
+        self, on: Sequence[RowInterval]
+    ) -> tuple[list[Alarm], dict[int, int], Events]:
+        """Match slips and alarms of a decision that is ON in these intervals, which are in order.
+
+        Returns
+        -------
+        alarms : list of Alarm
+        alarm_of : dict
+            The number of the alarm of each scored slip that has one.
+        events : Events
+            The events at the one threshold.
+
+        Examples
+        --------
+        >>> config = EvaluationConfig(off_before_s=0.0, tail_s=0.05)
+        >>> slips, stretches = [RowInterval(10, 20), RowInterval(50, 60)], [RowInterval(0, 99)]
+        >>> rows = ScoredRows(slips, stretches, 0, config, sample_rate_hz=100.0)
+        >>> alarms, alarm_of, _ = rows.match_decision([RowInterval(k, k + 1) for k in (12, 17)])
+        >>> alarm_of, [(alarm.outcome, alarm.slip) for alarm in alarms]
+        ({0: 0}, [('true', 0), ('repeat', 0)])
+        """
+        edges, alarms = np.array(on, np.int64).ravel(), self._alarms(on)
+        rises, events = self.match(edges, np.resize([1.0, 0.0], edges.size), np.array([0.5]))
+        slip_of_rise = {row: slip for slip, row in enumerate(rises[:, 0].tolist()) if row != NONE}
+        starts, _ = _columns(alarms)
+        settles = starts < self.settled[self._stretch_of(starts)]
+        # Any other alarm belongs to the first slip whose window it rises in.
+        windows = np.searchsorted(self.highs, starts, 'right')
+        inside = np.append(self.lows, np.iinfo(np.int64).max)[windows] <= starts
+        alarm_of, found = dict[int, int](), list[Alarm]()
+        for number, (start, end) in enumerate(alarms):
+            slip = slip_of_rise.get(start, int(windows[number]) if inside[number] else None)
+            if settles[number] or (slip is not None and not self.scored[slip]):
+                outcome = SETTLING
+            elif slip is None:
+                outcome = FALSE
+            elif start in slip_of_rise:
+                outcome, alarm_of[slip] = TRUE, number
+            else:
+                outcome = REPEAT
+            found.append(Alarm(start / self._rate_hz, end / self._rate_hz, outcome, slip))
+        return found, alarm_of, events
 
 
 def _columns(intervals: Sequence[RowInterval]) -> tuple[Ints, Ints]:

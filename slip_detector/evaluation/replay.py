@@ -30,9 +30,8 @@ from slip_detector.chain.live_chain import Watch
 from slip_detector.chain.samples import Bools, Floats, Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.chain.stamps import missing_rows
-from slip_detector.evaluation import figures
-from slip_detector.evaluation.figures import STAGES, Alarm, ReplayOutcome, TrueSlip
-from slip_detector.evaluation.matching import NONE, OnIntervals, ScoredRows, rows_on, unscored_rows
+from slip_detector.evaluation.figures import ALREADY_ON, STAGES, ReplayOutcome, TrueSlip
+from slip_detector.evaluation.matching import OnIntervals, ScoredRows, unscored_rows
 from slip_detector.evaluation.scores import UNCERTAIN, RowClasses, ScoreTally, row_classes
 from slip_detector.parameters import ChainConfig, EvaluationConfig
 
@@ -43,9 +42,11 @@ BLOCK_VALUES = 131072
 #: seconds at the beginning of a piece, which may be all there is.
 FIRST_LOOKS = 10
 
-#: What is known of a slip that is not followed, as the decision is ON when it begins: how many
-#: rows its latency spends in each stage, and where it is lost if it is missed.
-UNFOLLOWED: tuple[dict[str, int], str] = {}, figures.ALREADY_ON
+#: How many rows the latency of a slip spends in each stage, and where it is lost if it is missed.
+PassedStages = tuple[dict[str, int], str]
+
+#: Those of a slip that is not followed, as the decision is ON when it begins.
+UNFOLLOWED: PassedStages = {}, ALREADY_ON
 
 
 def only_filters(config: ChainConfig) -> ChainConfig:
@@ -57,6 +58,45 @@ def only_filters(config: ChainConfig) -> ChainConfig:
     return dataclasses.replace(
         config, envelope_window_s=one_s, decision_window_s=one_s, decision='mean'
     )
+
+
+class _Stages:
+    """Runs slips through a chain once more, to find what their latency is spent in."""
+
+    def __init__(self, config: ChainConfig) -> None:
+        self._config, self._chain = config, SlipChain(config)
+        self._filters = SlipChain(only_filters(config))
+
+    def passed(self, before: Floats, volts: Floats) -> PassedStages:
+        """Follow a slip from a chain's state before it, up to the row in which its alarm rises.
+
+        Filtered signal and envelope are compared with the threshold; where evidence decides, with
+        the channel's noise floor plus ``evidence_offset_db``, above which evidence grows.
+        """
+        config, chain, filters = self._config, self._chain, self._filters
+        chain.state = before
+        filters.take_filters(chain)
+        filtered = filters.update(volts, level=False).envelope
+        evidence, least = config.decision == 'evidence', np.array(config.threshold)
+        result = chain.update(volts, level=False, floor=evidence)
+        if evidence:
+            least = 10.0 ** ((result.floor + config.evidence_offset_db) / 20.0)
+        rises, columns = np.flatnonzero(result.slip)[:1], np.arange(config.channels)
+        if rises.size:  # From here on only the group that decides counts.
+            deciding = int(result.groups[rises[0]].argmax())
+            columns = np.array(list(config.groups.values())[deciding]) - 1
+        passed = filtered > least, result.envelope > least, result.channels
+        through = [(signal & result.valid)[:, columns].any(axis=1) for signal in passed]
+        until = slice(int(rises[0]) + 1 if rises.size else None)
+        signals = np.array([*through, result.slip])[:, until]
+        reached = signals.any(axis=1)
+        if not rises.size:
+            return {}, STAGES[int(reached.argmin())]
+        # A later stage may be above the threshold before the one that feeds it, as the windows
+        # still hold rows from before the slip. Then the earlier stage ends at the same row.
+        firsts = np.where(reached, signals.argmax(axis=1), rises[0])
+        ends = np.minimum.accumulate(firsts[::-1])[::-1]
+        return dict(zip(STAGES, np.diff(ends, prepend=0).tolist(), strict=True)), ALREADY_ON
 
 
 class Replay:
@@ -88,8 +128,7 @@ class Replay:
 
     def __init__(self, chain_config: ChainConfig, config: EvaluationConfig | None = None) -> None:
         self.config, self.tally = config or EvaluationConfig(), ScoreTally()
-        self.chain, self.second = SlipChain(chain_config), SlipChain(chain_config)
-        self.filters = SlipChain(only_filters(chain_config))
+        self.chain, self.stages = SlipChain(chain_config), _Stages(chain_config)
 
     def run(
         self, pieces: Iterable[Samples], sample_rate_hz: float | None = None, observer: Any = None
@@ -138,9 +177,10 @@ class _Run:
         self._last = Samples(np.zeros((0, 0)), np.zeros(0, np.int64))  # The last piece.
         self._signals = OnIntervals(), OnIntervals(), OnIntervals()
         self._stretches, self._labels, self._on = self._signals
-        self._slips: list[tuple[dict[str, int], str]] = []  # As UNFOLLOWED.
+        self._slips: list[PassedStages] = []
         # The volts of the last slip, while its alarm may still rise; the chain's state before it.
-        self._followed, self._before = list[Floats](), self._chain.state
+        self._followed: list[Floats] | None = None
+        self._before = self._chain.state
         self._watch, self._wrong = Watch(replay.chain), dict[str, list[int]]()
 
     def add(self, piece: Samples) -> None:
@@ -169,15 +209,15 @@ class _Run:
     def _end_stretch(self) -> None:
         for intervals in self._signals:
             intervals.close(self._row)
-        self._follow()
+        self._end_slip()
 
     def _block(self, volts: Floats, truth: Bools, classes: RowClasses) -> None:
         """Take rows with at most one slip, which is at their beginning."""
         row = self._row
         if truth[0] and not self._labels.on:
-            self._follow()
+            self._end_slip()
             self._slips.append(UNFOLLOWED)
-            self._followed = [] if self._on.on else [volts[:0]]
+            self._followed = None if self._on.on else []
             self._before = self._chain.state.copy()
         drawn = self._observer is not None
         votes = (self._config.vote,)
@@ -193,93 +233,52 @@ class _Run:
         if self._observer:
             self._observer.add(volts, result, truth)
         self._row += len(on)
-        if self._followed:
+        if self._followed is not None:
             self._followed.append(volts)
             ended = not self._labels.on and self._row >= self._labels.edges[-1] + self._tail_rows
             if ended or on.any():
-                self._follow()
+                self._end_slip()
 
-    def _follow(self) -> None:
-        """Run the last slip through the stages once more, up to the row in which its alarm rises.
-
-        Filtered signal and envelope are compared with the threshold; where evidence decides, with
-        the channel's noise floor plus ``evidence_offset_db``, above which evidence grows.
-        """
-        if not self._followed:
+    def _end_slip(self) -> None:
+        """Find the stages of the last slip, if it is still followed."""
+        if self._followed is None:
             return
-        config, volts, self._followed = self._config, np.concatenate(self._followed), []
+        volts, self._followed = np.concatenate(self._followed), None
         if not self._labels.on:
             start, end = self._labels.edges[-2:]
             volts = volts[: end + self._tail_rows - start]
-        chain, filters = self._replay.second, self._replay.filters
-        chain.state = self._before
-        filters.take_filters(chain)
-        filtered = filters.update(volts, level=False).envelope
-        evidence, least = config.decision == 'evidence', np.array(config.threshold)
-        result = chain.update(volts, level=False, floor=evidence)
-        if evidence:
-            least = 10.0 ** ((result.floor + config.evidence_offset_db) / 20.0)
-        rises, columns = np.flatnonzero(result.slip)[:1], np.arange(config.channels)
-        if rises.size:  # From here on only the group that decides counts.
-            deciding = int(result.groups[rises[0]].argmax())
-            columns = np.array(list(config.groups.values())[deciding]) - 1
-        passed = filtered > least, result.envelope > least, result.channels
-        through = [(signal & result.valid)[:, columns].any(axis=1) for signal in passed]
-        until = slice(int(rises[0]) + 1 if rises.size else None)
-        signals = np.array([*through, result.slip])[:, until]
-        reached = signals.any(axis=1)
-        if not rises.size:
-            self._slips[-1] = {}, STAGES[int(reached.argmin())]
-            return
-        # A later stage may be above the threshold before the one that feeds it, as the windows
-        # still hold rows from before the slip. Then the earlier stage ends at the same row.
-        firsts = np.where(reached, signals.argmax(axis=1), rises[0])
-        ends = np.minimum.accumulate(firsts[::-1])[::-1]
-        stages = dict(zip(STAGES, np.diff(ends, prepend=0).tolist(), strict=True))
-        self._slips[-1] = stages, figures.ALREADY_ON
+        self._slips[-1] = self._replay.stages.passed(self._before, volts)
 
     def outcome(self) -> ReplayOutcome:
         self._end_stretch()
         stretches, labels, on = (signal.closed() for signal in self._signals)
         config, rate_hz, accuracy_s = self._replay.config, self._rate_hz, self._last.accuracy_s
-        rows = ScoredRows(labels, stretches, self._settling, config, rate_hz, accuracy_s)
-        alarms = rows.alarms(on)
-        rises = [alarm.start for alarm in alarms]
-        alarm_of, slip_of = rows.match(rises)
-        rise_of = np.array([*rises, NONE])[alarm_of]
+        known = rate_hz, accuracy_s, self._last.kind
+        rows = ScoredRows(labels, stretches, self._settling, config, *known)
+        alarms, alarm_of, events = rows.match_decision(on)
         late_rows = round((config.late_after_s + accuracy_s) * rate_hz)
         slips = []
-        for s, (stages, lost_at) in enumerate(self._slips):
-            found, settling = bool(alarm_of[s] != NONE), not rows.scored[s]
-            latency = int(rise_of[s]) - labels[s].start
+        for s, (label, (stages, lost_at)) in enumerate(zip(labels, self._slips, strict=True)):
+            found, settling = s in alarm_of, not rows.scored[s]
+            start = round(alarms[alarm_of[s]].start_s * rate_hz) if found else label.start
+            latency = start - label.start
             # The rise that was followed may belong to an alarm that began before the slip.
             exact = found and sum(stages.values()) == latency and not accuracy_s
             parts = {stage: length / rate_hz for stage, length in stages.items()}
             slips.append(
                 TrueSlip(
-                    start_s=labels[s].start / rate_hz,
-                    end_s=labels[s].end / rate_hz,
-                    alarm=int(alarm_of[s]) if found else None,
+                    start_s=label.start / rate_hz,
+                    end_s=label.end / rate_hz,
+                    alarm=alarm_of.get(s),
                     latency_s=latency / rate_hz if found else None,
                     accuracy_s=accuracy_s,
                     settling=settling,
-                    late=found and latency > late_rows,
+                    late=latency > late_rows,
                     stages_s=parts if exact else None,
                     lost_at=None if found or settling else lost_at,
                     on_at_start=(stages, lost_at) == UNFOLLOWED,
                 )
             )
-        # The last element stands for no slip, ``NONE``.
-        settles = rows.settling(rises) | ~np.append(rows.scored, True)[slip_of]
-        first = np.append(alarm_of, NONE)[slip_of] == np.arange(len(alarms))
-        cases = {figures.SETTLING: settles, figures.FALSE: slip_of == NONE, figures.TRUE: first}
-        kinds = np.select([*cases.values()], [*cases], figures.REPEAT).tolist()
-        found_alarms = [
-            Alarm(start / rate_hz, end / rate_hz, kind, None if s == NONE else s)
-            for (start, end), kind, s in zip(alarms, kinds, slip_of.tolist(), strict=True)
-        ]
-        on_rows = (rows_on(on, *part).sum(keepdims=True) for part in (rows.certain, rows.rest))
-        many_false = np.array([kinds.count(figures.FALSE)])
         invalid_rows = (_length(stretches) - self._valid_rows).astype(np.int64)
         invalid_rows[[channel - 1 for channel in self._config.disabled_channels]] = 0
         return ReplayOutcome(
@@ -289,8 +288,8 @@ class _Run:
             settling_rows=rows.settling_rows,
             sample_rate_hz=rate_hz,
             slips=tuple(slips),
-            alarms=tuple(found_alarms),
-            events=rows.events(self._last.kind, rise_of[:, np.newaxis], many_false, *on_rows),
+            alarms=tuple(alarms),
+            events=events,
             scores=self._replay.tally.collect(),
             on_s=tuple((start / rate_hz, end / rate_hz) for start, end in on),
             invalid_rows=tuple(invalid_rows.tolist()),

@@ -18,7 +18,7 @@ The law knows neither weight nor friction. It holds the object lightly, raises t
 object slips, and lowers it slowly when the object has not slipped for a while.
 """
 
-from slip_detector.parameters.grasp import GraspConfig
+from slip_detector.parameters import GraspConfig
 
 #: A raise follows the one before if it comes no later than this after ``repeat_s``.
 LATEST_FOLLOWING_S = 0.05

@@ -30,9 +30,7 @@ import numpy as np
 from slip_detector.chain.samples import Bools, Floats
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.grasp.law import GraspLaw
-from slip_detector.parameters import ChainConfig, GraspConfig
-from slip_detector.parameters.fields import refuse
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters import ChainConfig, GraspConfig, read_yaml, refuse
 from slip_detector.scenes import Scene, find_scene
 from slip_detector.scenes.surface import FINGERS, STANDARD_GRAVITY_M_S2
 

@@ -14,8 +14,8 @@
 
 """The ROS 2 nodes; the only room that imports rclpy and message packages.
 
-:mod:`.run` starts the nodes of an executable: :mod:`.driver`, :mod:`.detector`,
-:mod:`.grasp_controller`. :mod:`.view` serves the live page; :mod:`.demo` and :mod:`.grasp_demo`
-are the demonstrations. :mod:`.launching` is what the launch files share. The room offers nothing
+:mod:`.run` starts all executables. :mod:`.spinning` spins nodes: :mod:`.driver`, :mod:`.detector`,
+:mod:`.grasp_controller`. :mod:`.view` serves the live page; :mod:`.demo` has the demonstrations.
+:mod:`.launching` is what the launch files share. The room offers nothing
 by import, as loading rclpy takes long.
 """

@@ -16,7 +16,7 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,19 +25,18 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from std_msgs.msg import Bool
 
-from slip_detector.chain.live_chain import HISTORY_S, INPUT_PARAMETERS, LiveChain, words_of
+from slip_detector.chain.live_chain import HISTORY_S, INPUT_PARAMETERS, LiveChain
 from slip_detector.chain.samples import Floats
 from slip_detector.chain.slip_chain import check_memory
 from slip_detector.chain.stamp_rules import DROPPED
 from slip_detector.chain.stamps import StampGrid
-from slip_detector.nodes.health import Diagnostics, Health
-from slip_detector.nodes.inputs import Input, Senders, publishing_nodes
+from slip_detector.nodes.health import Diagnostics, Health, Note
+from slip_detector.nodes.inputs import Input, Senders, find_publishing_nodes
 from slip_detector.nodes.messages import STEADY, sensor_qos
 from slip_detector.nodes.outputs import Outputs
 from slip_detector.nodes.parameters import declare, follow_changes
 from slip_detector.nodes.rclpy_internals import ROS_ERRORS, destroy_state_machine
-from slip_detector.parameters.detector import FIXED_PARAMETERS, DetectorConfig
-from slip_detector.parameters.fields import name_list
+from slip_detector.parameters import FIXED_PARAMETERS, DetectorConfig, name_list
 
 #: Number of checks of the input within ``input_timeout_s``, and the share of the timeout after
 #: which it counts as lost, from the last check that found a sample. That is between 0.75 and 0.95
@@ -100,6 +99,7 @@ class Detector(LifecycleNode):
         # The configuration that was set last; it is active once its filters are built.
         self.requested = declare(self, DetectorConfig, FIXED_PARAMETERS, cli_args)
         self._check(self.requested)
+        self._warn(self.requested.remarks())
         follow_changes(self, lambda: self.requested, self._check, self._apply)
         self._configured = False
         self._samples: Subscription | None = None
@@ -117,9 +117,9 @@ class Detector(LifecycleNode):
         """Build the chain and the topics."""
         self._active = config = self.requested
         self._chain = LiveChain(config)
-        self._health = Health(config)
-        self._logged_s: dict[str, float] = {}  # By event.
         self._outputs = Outputs(self, config)
+        self._health = Health(self._chain, self._outputs)
+        self._logged_s: dict[str, float] = {}  # By event.
         self._configured = True
         count, groups = config.channels - len(config.disabled_channels), ', '.join(config.groups)
         words = f'{count} channels at {config.sample_rate_hz:g} Hz, groups {groups}'
@@ -132,23 +132,31 @@ class Detector(LifecycleNode):
         self._chain.reset()
         self._forget_input()
         self._diagnostics = Diagnostics(self)
-        # Whether a sample has come since the last check, how long before that no sample came, and
+        # Whether a sample has come since the last check, for how long none had come by then, and
         # the time of the last check. The timeout begins with the first check.
         self._heard, self._silent_ns, self._now_ns = True, 0, 0
         # By the machine's clock: the last check, and when the clock of the timeout last moved.
         self._checked_ns = self._moved_ns = time.monotonic_ns()
-        # When the last message came, by the machine's clock, and when it was sent, by the clock of
-        # the sender. By that clock, when the messages were sent that wait while this node hangs.
+        # When the last message came, by the machine's clock; when it was sent, by the sender's;
+        # and the sending times of the messages that waited while this node was held up.
         self._came_ns, self._sent_ns, self._waiting_ns = 0, 0, range(0)
         self._listen_s = time.monotonic() + LISTEN_S
-        self._senders = Senders(lambda: max(SEVERAL_S, self._active.input_timeout_s))
+        self._health.senders = self._senders = Senders(
+            lambda: max(SEVERAL_S, self._active.input_timeout_s),
+            'the input',
+            lambda: find_publishing_nodes(self, self.resolve_topic_name('voltages')),
+        )
         self._start_timers()
         # The heartbeats of all detectors that publish on the same topics, and the longest of their
         # deadlines. One period of the report is added, as the deadlines are read there.
         self._deadline_s = 0.0
-        self._detectors = Senders(lambda: REPORT_S + 1.5 * self._deadline_s)
         self._heartbeats = self.create_subscription(
             Bool, 'slip_valid', self._on_slip_valid, sensor_qos(), raw=True
+        )
+        self._health.detectors = self._detectors = Senders(
+            lambda: REPORT_S + 1.5 * self._deadline_s,
+            'slip',
+            lambda: find_publishing_nodes(self, self._heartbeats.topic_name),
         )
         return SUCCESS
 
@@ -193,9 +201,15 @@ class Detector(LifecycleNode):
 
     def _apply(self, config: DetectorConfig) -> None:
         """Use a new configuration, at once or when its chain is built."""
+        known = self.requested.remarks()
+        self._warn([words for words in config.remarks() if words not in known])
         self.requested = config
         if self._configured and self._chain.change(config):
             self._swap()
+
+    def _warn(self, remarks: Sequence[str]) -> None:
+        for words in remarks:
+            self.get_logger().warning(words)
 
     def _swap(self) -> bool:
         """Use the new chain from the next row on, if it is ready; return whether it was."""
@@ -204,7 +218,6 @@ class Detector(LifecycleNode):
         before, config = self._active, self._chain.config
         self._active = config
         differ = {name for name in vars(config) if getattr(config, name) != getattr(before, name)}
-        self._health.config = config
         self._outputs.configure(config)
         if not self._running:
             return True
@@ -262,7 +275,7 @@ class Detector(LifecycleNode):
         timeout_ns = round(1e9 * self._active.input_timeout_s)
         steady_ns = time.monotonic_ns()
         if steady_ns - self._checked_ns > timeout_ns:
-            # The samples of before are too old, and so are some that were sent since then.
+            # Earlier samples are too old, and so are some that were sent since then.
             self._heard = False
             away_ns = steady_ns - self._came_ns
             self._waiting_ns = range(self._sent_ns + 1, self._sent_ns + away_ns)
@@ -282,29 +295,13 @@ class Detector(LifecycleNode):
 
     def _report(self) -> None:
         """Publish the diagnostics."""
-        health, outputs = self._health, self._outputs
-        health.totals['onsets'] = outputs.onsets
-        health.totals['taken, stamp too late'] = self._stamp_grid.wrong
-        health.stamps = self._stamp_grid.kind
-        health.warnings = words_of(self._chain.look(), self._active.names)
-        health.senders = self._several('voltages', self._senders, self._samples)
         beating = self.get_publishers_info_by_topic(self._heartbeats.topic_name)
         deadlines_s = [each.qos_profile.deadline.nanoseconds * 1e-9 for each in beating]
         self._deadline_s = min(max(deadlines_s, default=0.0), SLOWEST_S)
-        health.detectors = self._several('slip', self._detectors, self._heartbeats)
-        self._diagnostics.publish(health.summary(outputs.slip, outputs.valid), self._frame_id)
-
-    def _several(self, what: str, senders: Senders, heard: Subscription | None) -> list[str]:
-        """Return, and log, the nodes that publish on a topic if several send.
-
-        Nodes that only have a publisher are included: the middleware does not tell who sends.
-        """
-        if heard is None or not senders.several:
-            return []
-        names = publishing_nodes(self, heard.topic_name)
-        who = f'{what} is published by {" and ".join(names)}'
-        self.get_logger().error(f'{who}, allowed: one of them; slip_valid is false')
-        return names
+        for words in (self._senders.complaint(), self._detectors.complaint()):
+            if words:
+                self.get_logger().error(f'{words}; slip_valid is false')
+        self._diagnostics.publish(self._health.summary(), self._frame_id)
 
     def _on_slip_valid(self, raw: bytes, info: dict[str, int | None]) -> None:
         number = info['publication_sequence_number']
@@ -341,7 +338,7 @@ class Detector(LifecycleNode):
         self._names = config.channel_names or None
         self._frame_id = ''
         self._last_row: Floats | None = None
-        self._health.forget()
+        self._health.forget(self._stamp_grid)
 
     def _on_voltages(self, raw: bytes, info: dict[str, int | None]) -> None:
         """Check the samples of a message, run them through the chain, publish what changes."""
@@ -391,10 +388,9 @@ class Detector(LifecycleNode):
         self._last_row, self._frame_id = rows[-1:], frame_id
         age_s = (self.get_clock().now().nanoseconds - at_ns) * 1e-9
         is_old = waited or 0 < self._active.max_age_s < abs(age_s)
-        # Subscribers could not tell these decisions from another detector's.
         if is_old or self._stamp_grid.mostly_bad:
             outputs.withdraw()
-        elif not self._detectors.several:
+        elif not self._detectors.several:  # Subscribers could not tell their decisions apart.
             period_ns = self._stamp_grid.period_ns
             for i, flags in enumerate(result.flags):
                 stamp_ns = at_ns + round((i + 1 - len(rows)) * period_ns)
@@ -402,7 +398,7 @@ class Detector(LifecycleNode):
         if listened:
             outputs.show_envelope(at_ns, result)
         spent_s = (time.monotonic_ns() - began_ns) * 1e-9
-        self._health.note_rows(rows, result.valid, at_ns, age_s, spent_s)
+        self._health.note(Note(rows, result.valid, at_ns, age_s, spent_s))
 
     def _fits(self, rows: Floats, names: tuple[str, ...]) -> bool:
         """Return whether a message has the channels of those before; note what is wrong if not."""

@@ -31,11 +31,9 @@ from slip_detector.chain.samples import Samples
 from slip_detector.nodes.inputs import Input
 from slip_detector.nodes.messages import sensor_qos, state_qos
 from slip_detector.nodes.rclpy_internals import ROS_ERRORS, PolledTopics
-from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.fields import names_that_affect
-from slip_detector.parameters.fitting import fitting, rates_differ
-from slip_detector.recordings.messages import joint_state_table
-from slip_detector.recordings.rates import rate_of
+from slip_detector.parameters import DetectorConfig, fitting, names_that_affect, rates_differ
+from slip_detector.recordings.messages import JointStateReader
+from slip_detector.recordings.rates import measure_rate
 from slip_detector.view.detectors import Diagnosis, Finger
 
 #: Parameters on which the subscriptions depend.
@@ -53,7 +51,7 @@ MOST_STATES = 1000
 States = deque[tuple[int, bool]]
 
 
-def state_at(states: States, published_ns: int) -> bool:
+def find_state(states: States, published_ns: int) -> bool:
     """Return the last state that was published before a row of the same process.
 
     A busy detector publishes levels late, after the decisions on the next samples: then a change
@@ -74,6 +72,7 @@ class FingerTopics(PolledTopics):
         self._noted_s, self._rate_hz = time.monotonic(), 0.0
         self._slip: States = deque(maxlen=MOST_STATES)
         self._truth: States = deque(maxlen=MOST_STATES)
+        self._levels, self._decisions = JointStateReader(), JointStateReader('effort')
         #: Nodes that publish the samples.
         self.senders: list[str] = []
         #: By label, the last diagnosis by the detector and by these nodes, and its time.
@@ -99,7 +98,7 @@ class FingerTopics(PolledTopics):
 
     def _subscribe_to_samples(self, voltages: str) -> None:
         """Subscribe to the input; if that fails, the finger is shown without volts."""
-        kind, self.finger.no_volts = self._config.input_type, ''
+        self.finger.no_volts = ''
         try:
             self._input = Input(self._config)
             self.add(self._input.message_class, voltages, sensor_qos(), 'voltages', raw=True)
@@ -107,8 +106,8 @@ class FingerTopics(PolledTopics):
             self.add(Bool, truth, state_qos(depth=MOST_STATES), 'slip_truth')
         except (ValueError, *ROS_ERRORS):
             # A process can use a topic with one type only.
-            words = f'{kind} is not installed here, or the topic had another type'
-            self.finger.no_volts = f'no volts are shown: {words}'
+            words = 'is not installed here, or the topic had another type'
+            self.finger.no_volts = f'no volts are shown: {self._config.input_type} {words}'
 
     def poll(self) -> None:
         """Process received messages; subscribe again if the detector's parameters require it."""
@@ -142,7 +141,7 @@ class FingerTopics(PolledTopics):
         stamps_ns, counts = np.array(self._messages).T
         rate_hz, before_hz = self._config.sample_rate_hz, self._rate_hz
         with contextlib.suppress(ValueError):  # Stamps that do not rise.
-            rate_hz = rate_of(stamps_ns, 'stamps') * float(np.mean(counts))
+            rate_hz = measure_rate(stamps_ns, 'stamps') * float(np.mean(counts))
         # On a busy machine, or with several senders, each measurement gives another rate.
         if not rates_differ(rate_hz, before_hz) and len(self.senders) < 2:
             self.finger.to_fit = fitting(self.finger.config, channels, rate_hz, samples.names)
@@ -169,7 +168,7 @@ class FingerTopics(PolledTopics):
             return
         first, *others = (samples for _, samples in received)
         counts = [len(samples.volts) for _, samples in received]
-        truth = np.repeat([state_at(self._truth, at_ns) for at_ns, _ in received], counts)
+        truth = np.repeat([find_state(self._truth, at_ns) for at_ns, _ in received], counts)
         self.finger.frame_id = received[-1][1].frame_id
         self.finger.sample_s = time.monotonic()
         self.finger.track.add_samples(first.then(*others)._replace(truth=truth))
@@ -180,11 +179,12 @@ class FingerTopics(PolledTopics):
             return
         # The detector has samples, even if their volts cannot be shown.
         self.finger.sample_s = time.monotonic()
-        slip = np.array([state_at(self._slip, info['source_timestamp']) for _, info in messages])
+        slip = np.array([find_state(self._slip, info['source_timestamp']) for _, info in messages])
         raws = [raw for raw, _ in messages]
-        table, decided = joint_state_table(raws), joint_state_table(raws, 'effort')
-        if table is None or decided is None:  # the channels have just changed
+        try:
+            levels, decided = self._levels.read(raws), self._decisions.read(raws)
+        except ValueError:  # the channels have just changed
             return
-        levels, channels_on = table.volts, decided.volts > 0.0
-        if levels.shape == channels_on.shape == (len(messages), self._config.channels):
-            self.finger.track.add_levels(table.stamps_ns, levels, channels_on, slip)
+        channels_on = decided.volts > 0.0
+        if levels.volts.shape == channels_on.shape == (len(messages), self._config.channels):
+            self.finger.track.add_levels(levels.stamps_ns, levels.volts, channels_on, slip)

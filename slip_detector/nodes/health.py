@@ -12,22 +12,27 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sums up the state of the nodes, in words for the hand's maintainers, on ``/diagnostics``."""
+"""Sums up the state of the nodes, in words for the hand's maintainers, on ``/diagnostics``.
+
+Small tasks make one status each, as with ``diagnostic_updater``; the node only ticks.
+"""
 
 import math
 import time
 from collections import Counter, deque
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
+from slip_detector.chain.live_chain import LiveChain, words_of
 from slip_detector.chain.samples import Bools, Floats
+from slip_detector.chain.stamps import StampGrid
+from slip_detector.nodes.inputs import LISTED, Senders
 from slip_detector.nodes.messages import event_qos
-from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.fields import name_list
+from slip_detector.nodes.outputs import Outputs
+from slip_detector.parameters import name_list
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -46,24 +51,26 @@ PATIENCE_S = 3.0
 #: Age of a sample in seconds, either way, from which on a warning is given.
 AGE_WARNING_S = 1.0
 
-#: Most names that are listed; of further ones only the number is given.
-LISTED = 8
-
-#: Messages on events since the last summary, by the key of their number in the values; the
-#: placeholder is the number. The errors are of samples that come and are dropped.
-WARNINGS = {
-    'lost and bridged': '{} samples lost and bridged: check cable, network, load',
-    'restarts': 'restarted {} times: a long gap, or the clock of the samples was set',
-    'dropped, late': '{} samples dropped: late, or with a stamp that does not fit the others',
-    'taken, stamp too late': '{} samples taken in their order: the stamp is later than it can be',
-}
-ERRORS = {
-    'dropped, wrong number of channels': '{} samples dropped: not as many channels as configured',
-    'dropped, wrong names': '{} samples dropped: other channel names than before or configured',
-    'dropped, no such field': '{} samples dropped: input_field is not in them',
-    'dropped, of several senders': '{} samples dropped: of several senders',
-}
-EVENTS = {**WARNINGS, **ERRORS}
+#: By event, how bad it is and what is said of those since the last summary; the placeholder is
+#: their number. The errors are of samples that come and are dropped.
+EVENTS = {
+    'lost and bridged': (WARN, '{} samples lost and bridged: check cable, network, load'),
+    'restarts': (WARN, 'restarted {} times: a long gap, or the clock of the samples was set'),
+    'dropped, late': (
+        WARN, '{} samples dropped: late, or with a stamp that does not fit the others'
+    ),
+    'taken, stamp too late': (
+        WARN, '{} samples taken in their order: the stamp is later than it can be'
+    ),
+    'dropped, wrong number of channels': (
+        ERROR, '{} samples dropped: not as many channels as configured'
+    ),
+    'dropped, wrong names': (
+        ERROR, '{} samples dropped: other channel names than before or configured'
+    ),
+    'dropped, no such field': (ERROR, '{} samples dropped: input_field is not in them'),
+    'dropped, of several senders': (ERROR, '{} samples dropped: of several senders'),
+}  # fmt: skip
 
 #: Keys of the values on the age of the samples when the decision is published.
 AGE_KEYS = ('age of the samples, median [ms]', 'age of the samples, 99 % below [ms]')
@@ -72,7 +79,7 @@ AGE_KEYS = ('age of the samples, median [ms]', 'age of the samples, 99 % below [
 AT_RAIL = 'unplugged, broken or overloaded?'
 
 
-def status(
+def make_status(
     name: str, all_well: str, complaints: list[tuple[bytes, str]], values: dict[str, str]
 ) -> DiagnosticStatus:
     """Return one line of the diagnostics.
@@ -110,28 +117,26 @@ class Note(NamedTuple):
 
 
 class Health:
-    """Collects observations of the rows, and sums them up on request in three tasks.
+    """Collects observations of the rows, and sums them up in small tasks once a second.
 
-    Rows are only collected when they come; the statistics are computed in the summary.
+    Rows are only collected when they come; the statistics are computed in the summary. What chain
+    and outputs know they are asked then.
     """
 
-    def __init__(self, config: DetectorConfig) -> None:
-        self.config = config
-        #: The nodes that publish the input, and those that publish slip, if there are several.
-        self.senders: Sequence[str] = ()
-        self.detectors: Sequence[str] = ()
-        #: What the stamps are (:attr:`.StampGrid.kind`).
-        self.stamps = 'regular'
-        #: Why decisions may mean nothing (:mod:`.watch`).
-        self.warnings: Sequence[str] = ()
+    #: Who sends samples, and who publishes slip.
+    senders: Senders
+    detectors: Senders
+
+    def __init__(self, chain: LiveChain, outputs: Outputs) -> None:
+        self._chain, self._outputs = chain, outputs
         #: Counts since the start, by kind of event.
         self.totals: Counter[str] = Counter()
         self._totals_before: Counter[str] = Counter()
         self._summed_s = time.monotonic()
-        self.forget()
 
-    def forget(self) -> None:
-        """Forget the rows, as others follow."""
+    def forget(self, stamps: StampGrid) -> None:
+        """Forget the rows, as others follow, with stamps on this grid."""
+        self._stamps = stamps
         self._noted_s, self._begun_s = -math.inf, time.monotonic()
         self._notes: list[Note] = []
         self.restart()
@@ -142,24 +147,25 @@ class Health:
         # latest summaries; the rate is measured from the first of these to the last note of all.
         self._points = deque[tuple[int, int]](maxlen=RATE_SUMMARIES)
 
-    def note_rows(
-        self, rows: Floats, valid: Bools, stamp_ns: int, age_s: float, spent_s: float
-    ) -> None:
-        """Note rows that have been through the chain, see :class:`Note`."""
-        self._notes.append(Note(rows, valid, stamp_ns, age_s, spent_s))
+    def note(self, note: Note) -> None:
+        """Note rows that have been through the chain."""
+        self._notes.append(note)
         self._noted_s = time.monotonic()
-        self.totals['rows'] += len(rows)
-        self._last_point = stamp_ns, self.totals['rows']
+        self.totals['rows'] += len(note.rows)
+        self._last_point = note.stamp_ns, self.totals['rows']
         if not self._points:
             self._points.append(self._last_point)
 
-    def summary(self, slip: bool, valid: bool) -> list[DiagnosticStatus]:
-        """Sum up the time since the last summary; slip and slip_valid have these states."""
-        now_s, since = time.monotonic(), self.totals - self._totals_before
+    def summary(self) -> list[DiagnosticStatus]:
+        """Sum up the time since the last summary, in one status for each task."""
+        now_s = time.monotonic()
+        self.totals['taken, stamp too late'] = self._stamps.wrong
+        since = self.totals - self._totals_before
         tasks = [
             self._check_input(since, now_s - self._noted_s),
+            self._check_timing(since),
             self._check_channels(),
-            self._check_decisions(since, now_s - self._summed_s, slip, valid),
+            self._check_decisions(since['rows'], now_s - self._summed_s),
         ]
         if math.isinf(self._noted_s) and now_s - self._begun_s < PATIENCE_S:
             for each in tasks:
@@ -168,6 +174,55 @@ class Health:
         if self._points:
             self._points.append(self._last_point)
         return tasks
+
+    def _check_input(self, since: Counter[str], silent_s: float) -> DiagnosticStatus:
+        """Say whether samples come, and what was lost of them."""
+        complaints = [
+            (level, words.format(since[event]))
+            for event, (level, words) in EVENTS.items()
+            if since[event]
+        ]
+        if words := self.senders.complaint():
+            complaints.append((ERROR, words))
+        elif ERROR in dict(complaints):
+            pass  # Samples come.
+        elif math.isinf(silent_s):
+            words = 'no samples yet: does the sensor run, on this topic, with this type?'
+            complaints.append((ERROR, words))
+        elif silent_s > self._chain.config.input_timeout_s:
+            words = 'is the sensor plugged in, does its driver run?'
+            complaints.append((ERROR, f'no samples for {silent_s:.1f} s: {words}'))
+        values = {event: str(self.totals[event]) for event in EVENTS}
+        values['samples'] = str(self.totals['rows'])
+        all_well = f'{since["rows"]} samples since the last report'
+        return make_status('input', all_well, complaints, values)
+
+    def _check_timing(self, since: Counter[str]) -> DiagnosticStatus:
+        """Say whether rate, age and stamps are as they should be."""
+        config, complaints = self._chain.config, []
+        wanted_hz, rate_hz = config.sample_rate_hz, self._measured_hz(since)
+        all_well, off = f'{rate_hz:.1f} samples a second', abs(rate_hz / wanted_hz - 1.0)
+        if off > RATE_ERROR:
+            words = f'{wanted_hz:g} configured: the filters are off by the same {100 * off:.0f} %'
+            complaints.append((ERROR, f'{all_well}, {words}'))
+        ages_ms = [note.age_s * 1e3 for note in self._notes]
+        usual_ms, most_ms = np.percentile(ages_ms or [math.nan], [50, 99])
+        if abs(usual_ms) > 1e3 * (config.max_age_s or AGE_WARNING_S):
+            where = 'behind' if usual_ms > 0 else 'ahead of'
+            words = f'stamps are {abs(usual_ms) / 1e3:.1f} s {where} the clock'
+            complaints.append((ERROR if config.max_age_s else WARN, words))
+        if (stamps := self._stamps.kind) != 'regular':
+            words = f'stamps are {stamps}: rows are counted, and lost ones are not found'
+            complaints.append((WARN, words))
+        values = {
+            'configured rate [Hz]': f'{wanted_hz:g}',
+            'measured rate [Hz]': _number(rate_hz, '.2f'),
+            AGE_KEYS[0]: _number(usual_ms),
+            AGE_KEYS[1]: _number(most_ms),
+            'stamps': stamps,
+        }
+        all_well = 'no samples' if math.isnan(rate_hz) else all_well
+        return make_status('timing', all_well, complaints, values)
 
     def _measured_hz(self, since: Counter[str]) -> float:
         """Return the rate by the stamps; NaN where too few samples have come."""
@@ -181,56 +236,16 @@ class Health:
             steps_ns = np.diff([note.stamp_ns for note in self._notes])
             usual_rows = np.median([len(note.rows) for note in self._notes])
             usual_hz = float(1e9 * usual_rows / max(np.median(steps_ns), 1.0))
-            if abs(usual_hz / self.config.sample_rate_hz - 1) > STEADY_ERROR:
+            if abs(usual_hz / self._chain.config.sample_rate_hz - 1) > STEADY_ERROR:
                 return usual_hz
         return rate_hz
 
-    def _check_input(self, since: Counter[str], silent_s: float) -> DiagnosticStatus:
-        wanted_hz, rate_hz, wrong = self.config.sample_rate_hz, self._measured_hz(since), ''
-        all_well, off = f'{rate_hz:.1f} samples a second', abs(rate_hz / wanted_hz - 1.0)
-        if self.senders:
-            who = name_list(self.senders, LISTED)
-            wrong = f'the input is published by {who}: only one of them may'
-        elif since.keys() & ERRORS.keys():
-            pass  # Samples come.
-        elif math.isinf(silent_s):
-            wrong = 'no samples yet: does the sensor run, on this topic, with this type?'
-        elif silent_s > self.config.input_timeout_s:
-            wrong = f'no samples for {silent_s:.1f} s: '
-            wrong += 'is the sensor plugged in, does its driver run?'
-        if not wrong and off > RATE_ERROR:
-            wrong = f'{all_well}, {wanted_hz:g} configured: '
-            wrong += f'the filters are off by the same {100 * off:.0f} %'
-        complaints = [(ERROR, wrong)] if wrong else []
-        for kind, words in EVENTS.items():
-            if since[kind]:
-                level = WARN if kind in WARNINGS else ERROR
-                complaints.append((level, words.format(since[kind])))
-        ages_ms = [note.age_s * 1e3 for note in self._notes]
-        usual_ms, most_ms = np.percentile(ages_ms or [math.nan], [50, 99])
-        if abs(usual_ms) > 1e3 * (self.config.max_age_s or AGE_WARNING_S):
-            where = 'behind' if usual_ms > 0 else 'ahead of'
-            words = f'stamps are {abs(usual_ms) / 1e3:.1f} s {where} the clock'
-            complaints.append((ERROR if self.config.max_age_s else WARN, words))
-        if self.stamps != 'regular':
-            words = f'stamps are {self.stamps}: rows are counted, and lost ones are not found'
-            complaints.append((WARN, words))
-        values = {
-            'configured rate [Hz]': f'{wanted_hz:g}',
-            'measured rate [Hz]': _number(rate_hz, '.2f'),
-            AGE_KEYS[0]: _number(usual_ms),
-            AGE_KEYS[1]: _number(most_ms),
-            'samples': str(self.totals['rows']),
-            'stamps': self.stamps,
-            **{kind: str(self.totals[kind]) for kind in EVENTS},
-        }
-        return status('input', '' if math.isnan(rate_hz) else all_well, complaints, values)
-
     def _check_channels(self) -> DiagnosticStatus:
-        config = self.config
+        """Say which channels give nothing, and why."""
+        config = self._chain.config
         if not self._notes:
             words = 'without samples nothing is known of the channels'
-            return status('channels', '', [(ERROR, words)], {})
+            return make_status('channels', '', [(ERROR, words)], {})
         rows = np.concatenate([note.rows for note in self._notes])
         valid = np.concatenate([note.valid for note in self._notes])
         low, high = config.valid_range_v
@@ -253,24 +268,25 @@ class Health:
                 complaints.append((ERROR if len(names) == n_enabled else WARN, words))
         values['valid now'] = f'{int(valid[-1].sum())} of {n_enabled}'
         values['disabled'] = ', '.join(np.compress(disabled, config.names)) or '-'
-        return status('channels', f'all {n_enabled} channels are valid', complaints, values)
+        return make_status('channels', f'all {n_enabled} channels are valid', complaints, values)
 
-    def _check_decisions(
-        self, since: Counter[str], passed_s: float, slip: bool, valid: bool
-    ) -> DiagnosticStatus:
-        complaints = [(WARN, words) for words in self.warnings]
-        spent_ms = 1e3 * sum(note.spent_s for note in self._notes)
-        if self.detectors:
-            who = name_list(self.detectors, LISTED)
-            complaints.append((ERROR, f'slip is published by {who}: only one of them may'))
-        if not valid:
+    def _check_decisions(self, n_rows: int, passed_s: float) -> DiagnosticStatus:
+        """Say whether decisions mean something, and what they cost."""
+        outputs, names = self._outputs, self._chain.config.names
+        complaints = [(WARN, words) for words in words_of(self._chain.look(), names)]
+        if words := self.detectors.complaint():
+            complaints.append((ERROR, words))
+        if not outputs.valid:
             complaints.append((ERROR, 'slip_valid is false: slip has no meaning'))
+        spent_ms = 1e3 * sum(note.spent_s for note in self._notes)
         values = {
-            'onsets': str(self.totals['onsets']),
-            'time per row [ms]': _number(spent_ms / max(since['rows'], 1)),
+            'onsets': str(outputs.onsets),
+            'time per row [ms]': _number(spent_ms / max(n_rows, 1)),
             'share of the time [%]': _number(spent_ms / (passed_s * 10), '.1f'),
         }
-        return status('decisions', f'slip is {"ON" if slip else "OFF"}', complaints, values)
+        return make_status(
+            'decisions', f'slip is {"ON" if outputs.slip else "OFF"}', complaints, values
+        )
 
 
 def _number(value: float, how: str = '.3f') -> str:

@@ -31,13 +31,15 @@ from std_msgs.msg import Header
 
 from slip_detector.chain.samples import Samples
 from slip_detector.nodes.messages import stamp_ns
-from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.fields import refuse
+from slip_detector.parameters import DetectorConfig, name_list, refuse
 from slip_detector.recordings.messages import FieldReader, JointStateReader
 
 #: Most messages of a publisher that may be lost in a row; after a larger step of the numbers it
 #: counts as another publisher.
 MOST_LOST = 1000
+
+#: Most names of nodes that are listed; of further ones only the number is given.
+LISTED = 8
 
 #: The stamps of samples whose time is not known.
 NO_STAMPS = np.empty(0, np.int64)
@@ -62,7 +64,7 @@ class Input:
     """
 
     def __init__(self, config: DetectorConfig) -> None:
-        self.message_class = message_class(config.input_type)
+        self.message_class = find_message_class(config.input_type)
         self._field = FieldReader(config.input_field)
         fields = self.message_class.get_fields_and_field_types()
         if not self._field.begins_in(self.message_class):
@@ -102,7 +104,7 @@ class Input:
             When the message cannot be read or does not have the field.
         """
         if self._reader is not None:
-            samples = self._reader.read(raw)
+            samples = self._reader.read([raw])
             at_ns: int | None = int(samples.stamps_ns[0])
             if at_ns:
                 return samples, None
@@ -139,7 +141,7 @@ class Input:
         return f' (a batch needs layout.dim: {sizes})'
 
 
-def message_class(name: str) -> Any:
+def find_message_class(name: str) -> Any:
     """Return the class of a message type, ``package/msg/Type`` or ``package/Type``.
 
     Only a package with a folder ``msg`` is imported: importing another module would run code that
@@ -171,6 +173,10 @@ class Senders:
     window_s
         Returns the time, which may change, for which several publishers count as sending after
         they were heard in turns, and for which an accepted publisher may be silent.
+    what
+        What they publish.
+    names
+        Returns the names of the nodes that publish it.
 
     Examples
     --------
@@ -181,8 +187,10 @@ class Senders:
     ([True, False, False, False], True)
     """
 
-    def __init__(self, window_s: Callable[[], float]) -> None:
-        self._window_s = window_s
+    def __init__(
+        self, window_s: Callable[[], float], what: str = '', names: Callable[[], list[str]] = list
+    ) -> None:
+        self._window_s, self._what, self._names = window_s, what, names
         self._several_s = float('-inf')
         # The last number of the accepted publisher, and when it was heard.
         self._accepted, self._accepted_s = 0, float('-inf')
@@ -191,6 +199,13 @@ class Senders:
     def several(self) -> bool:
         """Whether several publishers have been heard in turns within the window."""
         return time.monotonic() - self._several_s < self._window_s()
+
+    def complaint(self) -> str:
+        """Return who publishes if several send, else an empty text.
+
+        Nodes that only have a publisher are included: the middleware does not tell who sends.
+        """
+        return describe_rivals(self._what, self._names()) if self.several else ''
 
     def accepts(self, number: int | None, publishers: int) -> bool:
         """Note a message; return whether it comes from the only publisher that sends.
@@ -215,7 +230,12 @@ class Senders:
         return not self.several
 
 
-def publishing_nodes(node: Node, topic: str) -> list[str]:
+def describe_rivals(what: str, names: list[str]) -> str:
+    """Return what is wrong where several nodes publish what only one may."""
+    return f'{what} is published by {name_list(names, LISTED)}: only one of them may'
+
+
+def find_publishing_nodes(node: Node, topic: str) -> list[str]:
     """Return the full names of the nodes that have a publisher of a topic.
 
     A node that was killed is among them for some twenty seconds.

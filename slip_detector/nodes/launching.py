@@ -19,7 +19,7 @@ import os
 import time
 from typing import Any
 
-from slip_detector.parameters.files import shared_folder
+from slip_detector.parameters import shared_folder
 
 #: Longest time, in seconds, from a launch to a node's refusal to start; it may compile before.
 STARTS_S = 120.0

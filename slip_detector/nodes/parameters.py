@@ -24,11 +24,16 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from slip_detector.nodes.rclpy_internals import answer_with, given_parameters
-from slip_detector.parameters.detector import FIXED_PARAMETERS, DetectorConfig
-from slip_detector.parameters.fields import allowed, name_list
-from slip_detector.parameters.sections import is_of_rclpy, parameters_for
-from slip_detector.parameters.sets import ConfigType
+from slip_detector.nodes.rclpy_internals import answer_with, read_given_parameters
+from slip_detector.parameters import (
+    FIXED_PARAMETERS,
+    ConfigType,
+    DetectorConfig,
+    allowed,
+    is_of_rclpy,
+    name_list,
+    parameters_for,
+)
 
 
 def declare(
@@ -56,20 +61,29 @@ def declare(
     ------
     ValueError
         For an unknown name given to this node, a value that is not allowed, or a parameter file
-        for nodes with other names.
+        for nodes with other names; names the file, where the fault is in one.
     """
     values: dict[str, Any] = {}
-    for path in _options('--params-file', arguments=cli_args):
-        values |= parameters_for(path, config_class.NODE, node.get_fully_qualified_name()).own
+    files, full_name = (
+        _options('--params-file', arguments=cli_args),
+        node.get_fully_qualified_name(),
+    )
+    for path in files:
+        values |= parameters_for(path, config_class.NODE, full_name).own
     # Of `-p slip_detector:threshold:=0.5`; without a node's name it is for all nodes.
     rules = [text.partition(':=')[0] for text in _options('-p', '--param', arguments=cli_args)]
     own = values.keys() | {rule.rpartition(':')[2] for rule in rules if ':' in rule}
     values |= {
         each.name: [] if each.type_ == Parameter.Type.NOT_SET else each.value
-        for each in given_parameters(node)
+        for each in read_given_parameters(node)
         if not is_of_rclpy(each.name)
     }
-    config = config_class.from_parameters(values, own=own, warn=node.get_logger().warning)
+    try:
+        config = config_class.from_parameters(values, own=own, warn=node.get_logger().warning)
+    except ValueError:
+        for path in files:  # The message for a file that is wrong by itself names the file.
+            config_class.from_yaml(path, full_name)
+        raise
     for name, value in config.to_parameters().items():
         field = config_class.__dataclass_fields__[name.partition('.')[0]]
         unit = f' [{field.metadata["unit"]}]' if field.metadata['unit'] else ''
@@ -81,10 +95,10 @@ def declare(
             # An empty list has no type, and a vote is a number or a word.
             dynamic_typing=isinstance(value, list) or field.name == 'vote',
         )
-        low, kind = field.metadata['low'], type(field.metadata['default'])
-        if low is not None and kind in (int, float):
-            ends = {'from_value': kind(low), 'to_value': kind(field.metadata['high'])}
-            if kind is float:
+        low, value_type = field.metadata['low'], type(field.metadata['default'])
+        if low is not None and value_type in (int, float):
+            ends = {'from_value': value_type(low), 'to_value': value_type(field.metadata['high'])}
+            if value_type is float:
                 descriptor.floating_point_range = [msg.FloatingPointRange(**ends)]
             else:
                 descriptor.integer_range = [msg.IntegerRange(**ends)]

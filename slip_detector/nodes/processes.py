@@ -18,7 +18,7 @@ import contextlib
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,9 @@ from slip_detector.chain.samples import Floats
 from slip_detector.nodes.ending import END_SIGNAL
 from slip_detector.nodes.messages import stamp_ns
 from slip_detector.nodes.rclpy_internals import PolledTopics
+
+#: Topics with their types and qualities of service.
+Topics = dict[str, tuple[Any, QoSProfile]]
 
 #: Period, in seconds, at which messages are received.
 POLL_S = 0.05
@@ -75,23 +78,6 @@ class NodeProcesses(contextlib.ExitStack):
             if process.poll():
                 raise ValueError(f'{executable} ended with the exit code {process.returncode}')
 
-    def receive(self) -> None:
-        """Wait for a moment; an ExternalShutdownException after a signal."""
-        if END_SIGNAL.wait(POLL_S):
-            raise ExternalShutdownException
-
-    def wait_until(self, happened: Callable[[], bool]) -> None:
-        """Receive messages until a condition holds; a ValueError if a node fails before."""
-        while not happened():
-            self.check()
-            self.receive()
-
-    def wait_for_end(self, process: subprocess.Popen[bytes]) -> None:
-        """Receive messages until a node has ended without an error, and those still under way."""
-        self.wait_until(lambda: process.poll() == 0)
-        deadline_s = time.monotonic() + DRAIN_S
-        self.wait_until(lambda: time.monotonic() > deadline_s)
-
 
 class RecordedNodes(NodeProcesses):
     """Runs nodes, and records all messages of some topics with their times of arrival.
@@ -100,9 +86,7 @@ class RecordedNodes(NodeProcesses):
     count as latency of the nodes.
     """
 
-    def __init__(
-        self, namespace: str, topics: Mapping[str, tuple[Any, QoSProfile]], verbose: bool
-    ) -> None:
+    def __init__(self, namespace: str, topics: Topics, verbose: bool) -> None:
         super().__init__(namespace, verbose)
         node = Node('recorder', namespace=namespace)
         self.callback(node.destroy_node)
@@ -112,9 +96,22 @@ class RecordedNodes(NodeProcesses):
         for topic, (message_type, qos) in topics.items():
             self._topics.add(message_type, topic, qos)
 
-    def receive(self) -> None:
-        """Wait for a moment, and receive messages."""
-        super().receive()
+    def wait_until(self, happened: Callable[[], bool]) -> None:
+        """Receive messages until a condition holds; a ValueError if a node fails before."""
+        while not happened():
+            self.check()
+            self._receive()
+
+    def wait_for_end(self, process: subprocess.Popen[bytes]) -> None:
+        """Receive messages until a node has ended without an error, and those still under way."""
+        self.wait_until(lambda: process.poll() == 0)
+        deadline_s = time.monotonic() + DRAIN_S
+        self.wait_until(lambda: time.monotonic() > deadline_s)
+
+    def _receive(self) -> None:
+        """Wait for a moment, and receive messages; an ExternalShutdownException after a signal."""
+        if END_SIGNAL.wait(POLL_S):
+            raise ExternalShutdownException
         for topic, messages in self.messages.items():
             for message, info in self._topics.take(topic):
                 messages.append((info['received_timestamp'], message))

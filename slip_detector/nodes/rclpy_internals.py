@@ -39,8 +39,11 @@ from rclpy.subscription import Subscription
 
 from slip_detector.nodes.ending import SHUTDOWN_S
 
-#: Most messages of a topic that are taken before other topics and timers have their turn.
-MOST_MESSAGES = 32
+#: Most messages of a topic that the executor takes before other topics and timers have their turn.
+MESSAGES_A_TURN = 32
+
+#: Most messages of a topic that are taken at a poll: more than a queue of samples holds.
+MESSAGES_A_POLL = 2000
 
 #: Period in nanoseconds at which services, and the end of the process, are polled.
 POLL_NS = 100_000_000
@@ -120,7 +123,7 @@ class SampleExecutor(SingleThreadedExecutor):
     def _receive(self, subscription: Subscription) -> None:
         """Pass the messages of a subscription to its callback."""
         with_info = subscription._callback_type is subscription.CallbackType.WithMessageInfo
-        for taken in take_messages(subscription, MOST_MESSAGES):
+        for taken in take_messages(subscription, MESSAGES_A_TURN):
             subscription.callback(*taken if with_info else taken[:1])
 
     def _do_others(self) -> None:
@@ -146,7 +149,7 @@ class SampleExecutor(SingleThreadedExecutor):
         self._due_ns = min([self._poll_ns, *(now_ns + ns for ns in untils_ns if ns is not None)])
 
 
-def given_parameters(node: Node) -> list[Parameter]:
+def read_given_parameters(node: Node) -> list[Parameter]:
     """Return the parameters that the user gave to a node, declared or not.
 
     rclpy's own methods return only declared ones, so that an unknown name would go unnoticed.
@@ -213,10 +216,6 @@ def take_messages(subscription: Subscription, at_most: int) -> Iterator[tuple[An
         yield taken
 
 
-#: Most messages of a topic that are taken at a poll: more than a queue of samples holds.
-MOST_MESSAGES = 2000
-
-
 class PolledTopics:
     """The subscriptions of a node that is not spun, polled to take many messages at once.
 
@@ -232,17 +231,17 @@ class PolledTopics:
         return bool(self._subscriptions)
 
     def add(
-        self, kind: Any, topic: str, qos: QoSProfile, name: str = '', raw: bool = False
+        self, message_type: Any, topic: str, qos: QoSProfile, name: str = '', raw: bool = False
     ) -> None:
         """Subscribe; the messages are taken by this name, by default that of the topic."""
-        added = self._node.create_subscription(kind, topic, lambda _: None, qos, raw=raw)
+        added = self._node.create_subscription(message_type, topic, lambda _: None, qos, raw=raw)
         self._subscriptions[name or topic] = added
 
     def take(self, name: str) -> list[tuple[Any, dict[str, Any]]]:
         """Return the messages that have come, each with its info; none without a subscription."""
         if name not in self._subscriptions:
             return []
-        return [*take_messages(self._subscriptions[name], MOST_MESSAGES)]
+        return [*take_messages(self._subscriptions[name], MESSAGES_A_POLL)]
 
     def close(self) -> None:
         """End all subscriptions."""

@@ -12,70 +12,40 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Runs nodes in a process that ends silently on signals and with one line on errors."""
+"""Runs the executables: each ends silently on signals, and with one line on errors.
 
-import argparse
+The entry points are here, as Python calls them before anything that takes long to load is loaded.
+"""
+
 import contextlib
 import functools
 import gc
-import itertools
-import json
-import os
 import pkgutil
-import re
 import sys
 import traceback
-from collections.abc import Callable
-from itertools import pairwise
-from pathlib import Path, PurePath
 
-from slip_detector.commands import command_line
-from slip_detector.commands.command_line import Parser, one_line
-from slip_detector.nodes.ending import END_SIGNAL, end_on_signals, init_ros
-
-#: Allowed names of namespaces; the length leaves room for the names of topics.
-NAMESPACE = re.compile('(?!.*__)[A-Za-z_][A-Za-z0-9_]{0,63}')
-
-#: Options of ROS that give parameters.
-FILE, *_ = PARAMETER_OPTIONS = ('--params-file', '-p', '--param')
+from slip_detector.commands.command_line import one_line
+from slip_detector.nodes.ending import end_on_signals
 
 #: What to do where there is no rclpy.
 GET_ROS = "source the setup.bash of a distribution, or pip install 'slip_detector[ros]'"
 
-#: By executable, the class of its nodes, which takes ROS arguments.
-NODE_CLASSES = {
-    'slip_driver': 'slip_detector.nodes.driver:Driver',
-    'slip_detector': 'slip_detector.nodes.detector:Detector',
-    'grasp_controller': 'slip_detector.nodes.grasp_controller:GraspController',
+#: By executable, the function that does its work. It gets the executable's name and a stack, on
+#: which it puts what takes its nodes down, and returns the exit code, None for 0.
+EXECUTABLES = {
+    'slip_driver': 'slip_detector.nodes.spinning:spin',
+    'slip_detector': 'slip_detector.nodes.spinning:spin',
+    'grasp_controller': 'slip_detector.nodes.spinning:spin',
+    'slip_view': 'slip_detector.nodes.view:serve',
+    'slip_demo': 'slip_detector.nodes.demo:slip_demo',
+    'slip_grasp': 'slip_detector.nodes.demo:slip_grasp',
 }
 
 
 def main(executable: str) -> None:
-    """Spin the nodes of an executable until they end or a signal arrives, and end the process.
+    """Do the work of an executable until it or a signal ends it, and end the process.
 
-    There is one node; with ``--fingers`` one in each of these namespaces; of the detector with
-    ``--configs`` one for each parameter file. All run in this process.
-    """
-    run(executable, functools.partial(_spin, executable))
-
-
-def run(
-    name: str, work: Callable[[contextlib.ExitStack], int | None], interrupted: str = ''
-) -> None:
-    """Do the work of an executable, and end the process.
-
-    Slow imports belong into the work, also that of :mod:`slip_detector.parameters`: before this
-    function is called a signal ends in a traceback.
-
-    Parameters
-    ----------
-    name
-        Name of the executable.
-    work
-        Gets a stack, on which it puts what takes its nodes down. Returns the exit code, None for
-        0. An error is reported as one line on stderr, with exit code 1.
-    interrupted
-        The line on stderr where a signal has interrupted the work; the exit code is 0.
+    An error is reported as one line on stderr, with exit code 1; after a signal the code is 0.
     """
     end_on_signals()
     takedown, code = contextlib.ExitStack(), 0
@@ -87,14 +57,13 @@ def run(
 
         from slip_detector.nodes.rclpy_internals import ROS_ERRORS, shut_down_and_exit
     except ImportError as error:
-        sys.exit(f'{name}: needs ROS 2 ({one_line(error)}): {GET_ROS}')
+        sys.exit(f'{executable}: needs ROS 2 ({one_line(error)}): {GET_ROS}')
     try:
-        code = work(takedown) or 0
+        code = pkgutil.resolve_name(EXECUTABLES[executable])(executable, takedown) or 0
     except ExternalShutdownException:
-        if interrupted and END_SIGNAL.is_set():
-            print(interrupted, file=sys.stderr)
+        pass
     except (ImportError, ValueError, OSError, *ROS_ERRORS) as error:
-        print(f'{name}: {one_line(error)}', file=sys.stderr)
+        print(f'{executable}: {one_line(error)}', file=sys.stderr)
         code = 1
     except Exception:
         traceback.print_exc()
@@ -102,156 +71,10 @@ def run(
     shut_down_and_exit(takedown.close, code)
 
 
-def _spin(executable: str, takedown: contextlib.ExitStack) -> None:
-    """Make and spin the nodes of an executable."""
-    from rclpy.executors import SingleThreadedExecutor
-
-    from slip_detector.nodes.parameters import tell_of_other_names
-    from slip_detector.nodes.rclpy_internals import POLL_NS, SampleExecutor, survive_requests
-
-    arguments_of_each = _arguments_of_each(executable)
-    node_class = pkgutil.resolve_name(NODE_CLASSES[executable])
-    if executable == 'slip_detector':
-        from slip_detector.chain.slip_chain import compile_chain
-
-        compile_chain()  # Before the first node, as a signal then ends the process at once.
-    init_ros()
-    nodes = []
-    for arguments in arguments_of_each:
-        nodes.append(node_class(arguments))
-        takedown.callback(nodes[-1].destroy_node)
-        if END_SIGNAL.is_set():
-            return
-    if executable == 'slip_driver':
-        from slip_detector.nodes.driver import play_all
-
-        play_all(nodes)
-    tell_of_other_names(nodes, executable)
-    gc.freeze()  # A collection of what lives until the end would hold up samples.
-    # The controller takes few messages; rclpy serves its events, which tell of a detector with
-    # an incompatible quality of service.
-    grasps = executable == 'grasp_controller'
-    executor = SingleThreadedExecutor() if grasps else SampleExecutor()
-    for node in nodes:
-        survive_requests(node)
-        executor.add_node(node)
-    takedown.callback(executor.shutdown)
-    while not END_SIGNAL.is_set():
-        executor.spin_once(POLL_NS * 1e-9)
-
-
-def _arguments_of_each(executable: str) -> list[list[str]]:
-    """Return the ROS arguments of each node, from the command line.
-
-    ``--fingers`` gives a node in the namespace of each finger. ``--configs`` gives, below that, a
-    node for each parameter file, in a namespace named after the file; all nodes of a finger
-    receive the same ``voltages``.
-
-    The parameters after the first parameter file, or all beside ``--configs``, are given to each
-    node once more: rcl lets the section of the file hold over what all nodes are given before it.
-    """
-    from slip_detector.parameters.files import find_parameter_file
-
-    _check_parameters(sys.argv)
-    options = _options(executable)
-    fingers, configs = options.fingers, options.configs
-    names = [PurePath(path).stem for path in configs]
-    _check_namespaces('--fingers', fingers)
-    _check_namespaces('--configs', names)
-    paths = [str(find_parameter_file(path)) for path in configs]
-    # A node's namespace replaces that of the process, and so has to contain it.
-    of_process = ['', *(word.partition(':=')[2] for word in sys.argv if word.startswith('__ns:='))]
-    above = f'/{of_process[-1].strip("/")}'.rstrip('/')
-    namespaces = [f'{above}/{finger}' for finger in fingers] or [above]
-    arguments = [['-r', f'__ns:={namespace}'] for namespace in namespaces] if fingers else [[]]
-    if configs:
-        arguments = [
-            ['-r', f'__ns:={above}/{name}', '-r', f'voltages:={above}/voltages', FILE, path]
-            for above in namespaces
-            for name, path in zip(names, paths, strict=True)
-        ]
-    for words in arguments:
-        _check_parameters(words)
-    after = sys.argv if configs else [*itertools.dropwhile(FILE.__ne__, sys.argv)][2:]
-    again = [word for pair in pairwise(after) if pair[0] in PARAMETER_OPTIONS for word in pair]
-    return [['--ros-args', *words, *again] for words in arguments]
-
-
-def _options(executable: str) -> argparse.Namespace:
-    """Return the options that are not of ROS; an unknown one could mean another node."""
-    from rclpy.utilities import remove_ros_args
-
-    parser = Parser(
-        prog=executable,
-        usage='%(prog)s [options] [--ros-args ...]',
-        allow_abbrev=False,
-        epilog=f'Example: {executable} --ros-args --params-file my_sensor.yaml',
-    )
-    add = functools.partial(parser.add_argument, type=_items, default=[])
-    add('--fingers', help='names: a node in a namespace of each')
-    parser.set_defaults(configs=[])
-    if executable == 'slip_detector':
-        add('--configs', help='parameter files: a node for each')
-    return parser.parse_args(remove_ros_args(sys.argv)[1:])
-
-
-def _items(text: str) -> list[str]:
-    return [item.strip() for item in text.split(',')]
-
-
-def _check_namespaces(option: str, names: list[str]) -> None:
-    from slip_detector.parameters.fields import refuse
-
-    if not all(map(NAMESPACE.fullmatch, names)) or len(set(names)) < len(names):
-        text = 'different ones of up to 64 letters, digits and single _, no digit first'
-        refuse(f'{option} gives the namespaces {", ".join(names)}', text)
-
-
-def _check_parameters(words: list[str]) -> None:
-    """Read the parameters before rcl does, whose error messages are hard to understand."""
-    from slip_detector.parameters.sections import check_values, sections_of
-    from slip_detector.parameters.yaml_files import parsed_yaml, read_yaml
-
-    for option, text in pairwise(words):
-        name, assigned, value = text.partition(':=')
-        if option == FILE:
-            list(sections_of(read_yaml(text), text))
-        elif option in PARAMETER_OPTIONS and assigned:
-            check_values({name: parsed_yaml(os.fsencode(value), f'{option} {name}')}, option)
-
-
 # The entry points.
-driver, detector, grasp_controller = (functools.partial(main, name) for name in NODE_CLASSES)
-
-
-def run_demonstration(parser: argparse.ArgumentParser) -> None:
-    """Run the demonstration of a command, and end the process if it fails or is interrupted.
-
-    The demonstration is the function of the command's name in
-    :mod:`slip_detector.nodes.demonstrations`, which takes long to load. The function gets the
-    arguments and the path of the picture; it returns the figures, which are written, and words
-    about them, which are printed. A ValueError or OSError gives one line on stderr, with exit
-    code 1; an interruption by a signal gives one line, with code 0.
-    """
-    parser.add_argument('--out', type=Path, default=Path('out'), help='folder for the results')
-    parser.add_argument('--verbose', action='store_true', help='what the nodes log')
-    arguments = parser.parse_args()
-    file = arguments.out / f'{parser.prog.removeprefix("slip_")}.json'
-    picture = file.with_suffix('.png')
-
-    def work() -> str:
-        from slip_detector.nodes import demonstrations
-        from slip_detector.parameters.files import whole_file, writable_folder
-
-        writable_folder(arguments.out)
-        result, text = getattr(demonstrations, parser.prog)(arguments, picture)
-        with whole_file(file) as new:
-            new.write_text(json.dumps(result, indent=2) + '\n')
-        return f'{text}\nPicture: {picture}; figures: {file}\nNext: make view; docs/your_sensor.md'
-
-    interrupted = f'{parser.prog}: interrupted before it was done'
-    run(parser.prog, lambda _: command_line.run(parser.prog, work), interrupted)
-
+driver, detector, grasp_controller, view, demo, grasp = (
+    functools.partial(main, executable) for executable in EXECUTABLES
+)
 
 if __name__ == '__main__':
     main(sys.argv.pop(1))

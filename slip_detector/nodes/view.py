@@ -13,32 +13,36 @@
 # limitations under the License.
 
 
-"""``slip_view``: a live page of all fingers, for any browser."""
+"""Show all fingers on a live page, for any browser."""
 
 import argparse
+import asyncio
 import contextlib
+import secrets
 import sys
 from pathlib import Path
 
+from rclpy.node import Node
+from rclpy.utilities import remove_ros_args
+
 from slip_detector.commands.command_line import Parser, whole_number
 from slip_detector.nodes.ending import END_SIGNAL, init_ros
-from slip_detector.nodes.run import run
+from slip_detector.nodes.launching import REPLAY
+from slip_detector.nodes.processes import NodeProcesses
+from slip_detector.nodes.view_fingers import RosDetectors
+from slip_detector.nodes.view_topics import publish_bag, publish_markers
+from slip_detector.parameters import find_parameter_file, shared_folder
+from slip_detector.view.access import Access, is_loopback, page_address
+from slip_detector.view.parameters import ParameterRequests
+from slip_detector.view.server import Server
+from slip_detector.view.teaching import Teaching
 
 
-def main() -> None:
-    """Entry point of ``slip_view``: serve the page until a signal arrives.
+def serve(executable: str, takedown: contextlib.ExitStack) -> None:
+    """Serve the page until a signal arrives.
 
-    The exit code is 0, 1 after an error, or 2 after a wrong argument, which is reported as one
-    line on stderr.
+    A wrong argument is reported as one line on stderr, with the exit code 2.
     """
-    run('slip_view', _work)
-
-
-def _work(takedown: contextlib.ExitStack) -> None:
-    import asyncio
-
-    from rclpy.utilities import remove_ros_args
-
     arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
     _check(arguments)
     asyncio.run(_serve(arguments, takedown))
@@ -54,7 +58,11 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     port = whole_number(0, 65535)  # By default not 8765, that of the Foxglove bridge.
     add('--port', type=port, default=8470, help='port; 0: any that is free (%(default)s)')
-    add('--token', default='', help='the token (by default a new one, none on this machine)')
+    add(
+        '--token',
+        default='',
+        help='token of the address (default: a new one; none on this machine)',
+    )
     add('--read-only', action='store_true', help='let no page change, record or save anything')
     add(
         '--folder', type=Path, default='slip_recordings',
@@ -68,14 +76,13 @@ def _parser() -> argparse.ArgumentParser:
     played = parser.add_mutually_exclusive_group()
     played.add_argument('--scene', help='play this scene in a loop, its name or path')
     played.add_argument('--bag', type=Path, help='play this recording, to label it by hand')
-    add('--fingers', default='index', help='names of the fingers that play it (%(default)s)')
+    text = 'names of the fingers that play it, with commas between (%(default)s)'
+    add('--fingers', default='index', help=text)
     return parser
 
 
 def _check(arguments: argparse.Namespace) -> None:
     """Raise a ValueError for impossible arguments, before anything is started."""
-    from slip_detector.parameters.files import find_parameter_file, shared_folder
-
     names = filter(None, arguments.config.split(','))
     arguments.configs = [find_parameter_file(name.strip()) for name in names]
     if arguments.bag and ',' in arguments.fingers:
@@ -89,19 +96,6 @@ def _check(arguments: argparse.Namespace) -> None:
 
 async def _serve(arguments: argparse.Namespace, takedown: contextlib.ExitStack) -> None:
     """Serve the page until a signal arrives, or a node that plays the scene fails."""
-    import secrets
-
-    from rclpy.node import Node
-
-    from slip_detector.nodes.launching import REPLAY
-    from slip_detector.nodes.processes import NodeProcesses
-    from slip_detector.nodes.view_fingers import RosDetectors
-    from slip_detector.nodes.view_topics import publish_bag, publish_markers
-    from slip_detector.view.access import Access, is_loopback, page_address
-    from slip_detector.view.parameters import ParameterRequests
-    from slip_detector.view.server import Server
-    from slip_detector.view.teaching import Teaching
-
     plays = bool(arguments.scene or arguments.bag)
     init_ros(local=plays)
     token = arguments.token or ('' if is_loopback(arguments.host) else secrets.token_urlsafe(16))
@@ -138,7 +132,3 @@ async def _serve(arguments: argparse.Namespace, takedown: contextlib.ExitStack) 
         address = page_address(arguments.host, port, token)
         print(f'slip_view: {address}\nCtrl-C ends it', flush=True)
         await server.run(END_SIGNAL)
-
-
-if __name__ == '__main__':
-    main()

@@ -32,11 +32,10 @@ from rclpy.task import Future
 from std_msgs.msg import String
 
 from slip_detector.nodes.finger_topics import FingerTopics
-from slip_detector.nodes.inputs import publishing_nodes
+from slip_detector.nodes.inputs import find_publishing_nodes
 from slip_detector.nodes.messages import event_qos, state_qos
 from slip_detector.nodes.rclpy_internals import PolledTopics, take_answers
-from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.fields import quote
+from slip_detector.parameters import DetectorConfig, quote
 from slip_detector.view.detectors import OUTSIDE, RESTART, Detectors, Diagnosis, Finger
 
 #: Period, in seconds, at which detectors are looked for.
@@ -201,15 +200,17 @@ class RosDetectors(Detectors):
             self._note(name, await remote.read(), by)
 
     def order(self, name: str, what: str = '') -> bool:
-        """Tell a simulated finger what to do, where a scene listens; return whether one does."""
+        """Tell a simulated finger what to do; return whether a scene listens.
+
+        A scene that is found later gets the last order then.
+        """
         topic = f'{name.rpartition("/")[0]}/scene_order'
-        if not self._node.count_subscribers(topic):
-            return False
-        if topic not in self._orders:
+        listens: bool = self._node.count_subscribers(topic) > 0
+        if (what or listens) and topic not in self._orders:
             self._orders[topic] = self._node.create_publisher(String, topic, state_qos())
         if what:
             self._orders[topic].publish(String(data=what))
-        return True
+        return listens
 
     def close(self) -> None:
         """Release all resources."""
@@ -244,7 +245,7 @@ class RosDetectors(Detectors):
             voltages = self._input_of(topics.finger)
             if voltages != topics.voltages:
                 topics.subscribe(voltages)
-            topics.senders = publishing_nodes(self._node, voltages) if voltages else []
+            topics.senders = find_publishing_nodes(self._node, voltages) if voltages else []
             recent = tuple(each for at_s, each in topics.health.values() if at_s > since_s)
             topics.finger.diagnostics = recent
 

@@ -27,8 +27,7 @@ from std_msgs.msg import Bool, ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
-from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters import DetectorConfig, DriverConfig
 from slip_detector.recordings.messages import JointStateWriter
 from slip_detector.view.bag import PlayedBag
 from slip_detector.view.detectors import Finger, drawn_positions, least_distance_m
@@ -66,7 +65,7 @@ def finger_markers(finger: Finger) -> list[Marker]:
 
     Examples
     --------
-    >>> from slip_detector.parameters.detector import DetectorConfig
+    >>> from slip_detector.parameters import DetectorConfig
     >>> text, cubes = finger_markers(Finger('/index/slip_detector', DetectorConfig(channels=2)))
     >>> text.text, len(cubes.points)
     ('index: no input', 2)

@@ -34,21 +34,21 @@ class RecordingConfig(ParameterSet):
 
     recording_topic: str = parameter('', 'Topic of a bag with the samples; empty: any voltages.')
     recording_field: str = parameter(
-        '', 'Its field of channels, as input_field; empty: position or data.', read=read_paths
+        '', 'Field with the channels, as input_field; empty: position or data.', read=read_paths
     )
     recording_labels: str = parameter(
-        '', 'YAML file of the slips, or a folder of such; empty: <name>.labels.yaml beside it.'
+        '', 'File of labels, or a folder of such; empty: <name>.labels.yaml beside the recording.'
     )
     recording_truth_topic: str = parameter('slip_truth', 'Topic of true slip (Bool, on change).')
     recording_position_topic: str = parameter(
-        'platform_position', 'Else a topic with a position that changes in slip (Eq. 9).'
+        'platform_position', 'Second choice: topic of a position that changes in slip (Eq. 9).'
     )
     recording_still_m: float = parameter(
-        0.0, 'Largest change of that position between messages at rest.', (0.0, 1.0, 'm')
+        0.0, 'Largest change of the position from message to message at rest.', (0.0, 1.0, 'm')
     )
-    recording_resample: bool = parameter(False, 'Resample if slip_evaluate or slip_tune need it.')
+    recording_resample: bool = parameter(False, 'Resample other rates (slip_evaluate, slip_tune).')
     recording_limit_mb: float = parameter(
-        1024.0, 'Largest piece held in memory; reading takes up to four such.', (1.0, 1e6, 'MB')
+        1024.0, 'Largest piece in memory; reading takes up to four times that.', (1.0, 1e6, 'MB')
     )
     recording_volts_key: str = parameter('volts', 'Name of the array of rows in an npz recording.')
     recording_rate_key: str = parameter('sample_rate_hz', 'Name of the sample rate in an npz.')
@@ -77,14 +77,14 @@ class DriverConfig(RecordingConfig):
     seed: int = parameter(0, 'Seed of the noise; each seed is another trial.', (0, 2**31 - 1))
     recording: str = parameter('', 'Recording to play: npz, csv, mcap, db3 or folder of a bag.')
     rate: float = parameter(1.0, 'Playing speed as a multiple of real time.', (0.001, 1000.0))
-    loop: bool = parameter(False, 'Whether to start again at the end; else the driver ends.')
+    loop: bool = parameter(False, 'Whether the driver starts again at the end; else it ends.')
     wait_for_subscribers: int = parameter(
         0, 'Number of subscribers to voltages that the first sample waits for.', (0, 1000)
     )
     wait_for_grip: bool = parameter(False, 'Whether a scene with an object waits for grip_force.')
     frame_id: str = parameter('fingertip', 'frame_id of the samples.')
     samples_per_message: int = parameter(
-        1, 'More than one: batches of samples, as std_msgs/Float32MultiArray.', (1, 10_000)
+        1, 'Above 1: batches of samples, as std_msgs/Float32MultiArray.', (1, 10_000)
     )
     channels: int = parameter(16, 'Channels that the sensor sends (serial, udp).', (1, 255))
     packet_values: str = parameter(

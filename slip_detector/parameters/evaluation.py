@@ -39,9 +39,9 @@ class EvaluationConfig(ParameterSet):
     )
     late_after_s: float = parameter(0.1, 'A detection after this time is late.', (0.0, 10.0, 's'))
 
-    motion_key: str = parameter('', 'Name of the velocities in a recording; empty: none.')
+    motion_key: str = parameter('', 'Array of velocities in a recording; empty: none.')
     motion_columns: tuple[str, ...] = parameter(
-        (), 'Columns of it to use, as named in the array <motion_key>_names; empty: all.'
+        (), 'Columns of motion_key to use, as the array <motion_key>_names has them; empty: all.'
     )
     moving_above: float = parameter(0.01, 'Speed above which a row is motion.', (0.0, 1e6, 'm/s'))
 
@@ -77,6 +77,6 @@ class TuneConfig(ParameterSet):
         10.0, 'Cost of each per cent of the time of slips while slip is OFF.', (0.0, 1e6, 'ms')
     )
     auc_costs_ms: float = parameter(
-        100.0, 'Cost of an area of 0 under the ROC curve of all rows; 1: none.', (0.0, 1e6, 'ms')
+        100.0, 'Cost of an area of 0 under the ROC curve; 1 costs nothing.', (0.0, 1e6, 'ms')
     )
-    trade: bool = parameter(False, 'Refused where true: a result is worse in no figure.')
+    trade: bool = parameter(False, 'Refused if true, as no figure of a result may be worse.')

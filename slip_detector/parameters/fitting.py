@@ -19,7 +19,7 @@ import itertools
 from collections.abc import Sequence
 from typing import Any
 
-from slip_detector.parameters.detector import LOWEST_EDGE, ChainConfig, default_channel_names
+from slip_detector.parameters.chain import LOWEST_EDGE, ChainConfig, default_channel_names
 
 #: Largest difference between the rates of samples and of the chain, as a share. With a larger one,
 #: bands and windows would differ noticeably from the configured ones.
@@ -64,7 +64,8 @@ def fitting(
 ) -> dict[str, Any]:
     """Return the values to set so that a configuration fits a sensor.
 
-    What fits stays. Other channels become one group, in which two have to agree. Where a band does
+    What fits stays. Other channels become one group, in which two have to agree, and floors of
+    single channels are left out. Where a band does
     not fit the rate, all above 20 Hz passes, and stop-bands, contact and activity are left out; so
     is the mains, if the rate has none.
 
@@ -95,6 +96,8 @@ def fitting(
     values |= {name: max(now[name], 1 / rate_hz) for name in now if name.endswith('_window_s')}
     if channels != config.channels:
         values |= {'channels': channels, 'groups.all': [*range(1, channels + 1)]}
+        if len(config.noise_floor) > 1:
+            values |= {'noise_floor': [], 'noise_floor_learnt': False}
         vote = VOTE if config.vote == 'all' else config.vote
         values['vote'] = vote if vote == 'mean' else min(int(vote), channels)
         if config.decision == 'evidence':

@@ -56,10 +56,10 @@ class GraspConfig(ParameterSet):
     relax_after_s: float = parameter(
         1.0, 'Time from the last slip until the force begins to decrease.', (0.0, 3600.0, 's')
     )
-    relax_n_s: float = parameter(0.1, 'How fast it decreases; 0: never.', (0.0, 1000.0, 'N/s'))
+    relax_n_s: float = parameter(0.1, 'Force rate of relaxing; 0: never.', (0.0, 1000.0, 'N/s'))
     closing_n_s: float = parameter(5.0, 'Force rate of closing and opening.', (0.001, 1e6, 'N/s'))
     settle_s: float = parameter(
-        0.3, 'After closing, slip is ignored for so long: contact looks like it.', (0.0, 60.0, 's')
+        0.3, 'For so long after closing slip is ignored: contact looks like it.', (0.0, 60.0, 's')
     )
     on_invalid: str = parameter(
         'hold', 'When slip is invalid or late: hold the force, or open.', choices=('hold', 'open')
@@ -85,13 +85,13 @@ class GraspConfig(ParameterSet):
         ('grip',), 'Joints that get the command, all the same, in the order of their controller.'
     )
     command_factor: float = parameter(
-        1.0, 'Command of a joint per newton; negative if that closes it.', (-1e6, 1e6)
+        1.0, 'Command of a joint per newton; negative if a negative one closes.', (-1e6, 1e6)
     )
     closed_position: float = parameter(
-        0.0, "Position in an action's goals, where the fingers are closed: m or rad.", (-1e6, 1e6)
+        0.0, "Position of the closed fingers, in an action's goals: m or rad.", (-1e6, 1e6)
     )
     goal_hz: float = parameter(
-        10.0, 'Most goals of an action a second; a change waits until then.', (0.1, 1000.0, 'Hz')
+        10.0, 'Most goals of an action a second; a change waits for the next.', (0.1, 1000.0, 'Hz')
     )
 
     def __post_init__(self) -> None:

@@ -97,6 +97,10 @@ class ParameterSet:
             what = what or f'is {text}'.rstrip()
             refuse(f'parameter {name} {what}', allowed_text or allowed(field))
 
+    def remarks(self) -> list[str]:
+        """Return what a user should know of values that are allowed."""
+        return []
+
     def limits(self) -> dict[str, str]:
         """Return what the other parameters allow, by the names of the parameters that they limit.
 

@@ -14,20 +14,18 @@
 
 """Recordings: rows of volts with their stamps and labels, in bags, npz and csv files."""
 
+import itertools
 import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.fields import refuse
-from slip_detector.parameters.files import check_plain
-from slip_detector.parameters.fitting import rates_differ
+from slip_detector.parameters import RecordingConfig, check_plain, rates_differ, refuse
 from slip_detector.recordings.array_recordings import CsvRecording, NpzRecording
 from slip_detector.recordings.bag_recording import BagRecording
 from slip_detector.recordings.bag_storage import BAG_ENDINGS, METADATA
 from slip_detector.recordings.labels import find_labels, read_labels
-from slip_detector.recordings.recording import Recording, RecordingCounts, named_errors
+from slip_detector.recordings.recording import Recording, RecordingCounts, name_errors
 from slip_detector.recordings.writing import write_recording
 
 __all__ = [
@@ -35,15 +33,17 @@ __all__ = [
     'Recording',
     'RecordingCounts',
     'by_number',
+    'group_recordings',
     'is_recording',
     'open_recording',
     'rates_differ',
-    'recording_sets',
-    'with_subfolders',
     'write_recording',
 ]
 
-ENDINGS = ('.npz', '.csv', *BAG_ENDINGS)
+_CLASSES: dict[str, Any] = {'.npz': NpzRecording, '.csv': CsvRecording}
+_CLASSES |= dict.fromkeys(BAG_ENDINGS, BagRecording)
+
+ENDINGS = tuple(_CLASSES)
 
 
 def is_recording(path: 'str | Path') -> bool:
@@ -56,7 +56,11 @@ def is_recording(path: 'str | Path') -> bool:
     (True, False)
     """
     path = Path(path)
-    return (path / METADATA).is_file() if path.is_dir() else path.suffix in ENDINGS
+    if not path.is_dir():
+        return path.suffix in ENDINGS
+    # Where there is no metadata, the recorder was killed.
+    first = (path / f'{path.name}_0{ending}' for ending in BAG_ENDINGS)
+    return any(map(Path.is_file, (path / METADATA, *first)))
 
 
 def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) -> Recording:
@@ -97,25 +101,14 @@ def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) 
     path, config = Path(path), config or RecordingConfig()
     labels_file = find_labels(config.recording_labels, path)
     labels = None if labels_file is None else read_labels(labels_file)
-    with named_errors(path):
+    with name_errors(path):
+        path.stat()
         check_plain(path)
-        if path.suffix not in ENDINGS and not path.is_dir():
+        if path.suffix not in _CLASSES and not path.is_dir():
             allowed = f'{", ".join(ENDINGS)} or the folder of a bag'
             refuse(f'is {path.suffix or "without ending"}', allowed)
-        classes: dict[str, Any] = {'.csv': CsvRecording, '.npz': NpzRecording}
-        recording: Recording = classes.get(path.suffix, BagRecording)(path, config, labels)
+        recording: Recording = _CLASSES.get(path.suffix, BagRecording)(path, config, labels)
         return recording
-
-
-def _is_inside(path: Path) -> bool:
-    """Return whether a path is a recording, or a bag without metadata, of a killed recorder."""
-    first = (path / f'{path.name}_0{ending}' for ending in BAG_ENDINGS)
-    return is_recording(path) or any(map(Path.is_file, first))
-
-
-def _recordings_in(folder: Path) -> list[Path]:
-    """Return the recordings in a folder, in the order of their names and numbers."""
-    return sorted(filter(_is_inside, folder.iterdir()), key=by_number)
 
 
 def by_number(name: str | Path) -> tuple[str, str]:
@@ -129,68 +122,62 @@ def by_number(name: str | Path) -> tuple[str, str]:
     return re.sub('[0-9]+', lambda number: number[0].zfill(20), str(name)), str(name)
 
 
-def with_subfolders(arguments: Sequence[str]) -> list[str]:
-    """Return paths of recordings and folders, and those sub-folders that have recordings.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     for path in (Path(folder) / 'rest.npz', Path(folder) / 'slips' / '1.npz'):
-    ...         path.parent.mkdir(exist_ok=True)
-    ...         path.touch()
-    ...     found = with_subfolders([folder])
-    >>> [len(Path(path).relative_to(folder).parts) for path in found]
-    [0, 1]
-    """
-    found = list[Path]()
-    for argument in map(Path, arguments):
-        paths = [argument, *sorted(argument.iterdir())] if argument.is_dir() else []
-        plain = [path for path in paths if path.is_dir() and not _is_inside(path)]
-        found += [path for path in plain if _recordings_in(path)] or [argument]
-    return list(dict.fromkeys(map(str, found)))
-
-
-def recording_sets(arguments: Sequence[str]) -> dict[str, list[Path]]:
+def group_recordings(arguments: Sequence[str]) -> dict[str, list[Path]]:
     """Sort files and folders into sets of recordings.
 
     Parameters
     ----------
     arguments
-        Paths of recordings, and of folders of recordings. The recordings in one folder are a set.
+        Paths of recordings, and of folders of recordings: of a folder its recordings are meant,
+        and those of the folders in it. The recordings in one folder are a set.
 
     Returns
     -------
     dict
         The files of each set by its name: the name of the folder, or its path if two folders have
-        the same name. The files of a folder in ``arguments`` are sorted by name, with numbers in
-        it by their value.
+        the same name. They are sorted by name, with numbers in it by their value. A file that is
+        given twice is there once.
 
     Raises
     ------
     ValueError
-        For a folder without recordings or a recording given twice.
+        For a path that does not exist, or a folder without recordings; names it.
 
     Examples
     --------
-    >>> sets = recording_sets(['left/a.npz', 'right/a.npz', 'left/b.mcap'])
-    >>> {name: [file.name for file in files] for name, files in sets.items()}
-    {'left': ['a.npz', 'b.mcap'], 'right': ['a.npz']}
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     for path in (Path(folder) / 'slips' / '1.npz', Path(folder) / 'rest.npz'):
+    ...         path.parent.mkdir(exist_ok=True)
+    ...         path.touch()
+    ...     sets = group_recordings([folder])
+    >>> [[file.name for file in files] for files in sets.values()]
+    [['rest.npz'], ['1.npz']]
     """
-    by_folder: dict[Path, list[Path]] = {}
+    by_folder: dict[Path, dict[str, Path]] = {}
     for argument in map(Path, arguments):
-        is_folder = argument.is_dir() and not is_recording(argument)
-        with named_errors(argument):
-            files = _recordings_in(argument) if is_folder else [argument]
+        with name_errors(argument):
+            argument.stat()
+            files = _recordings_of(argument)
             if not files:
-                raise ValueError(f'has no recordings, allowed: {", ".join(ENDINGS)} or bags')
+                raise ValueError(
+                    f'has no recordings, allowed: {", ".join(ENDINGS)} or folders of bags'
+                )
         for file in files:
-            files_there = by_folder.setdefault(file.parent.resolve(), [])
-            if file.name in [other.name for other in files_there]:
-                raise ValueError(f'{file}: is given twice, allowed: each once')
-            files_there.append(file)
+            by_folder.setdefault(file.parent.resolve(), {})[file.name] = file
     names = [folder.name for folder in by_folder]
-    return {
-        folder.name if folder.name and names.count(folder.name) == 1 else str(folder): files
-        for folder, files in by_folder.items()
-    }
+    sets = dict[str, list[Path]]()
+    for folder, named in by_folder.items():
+        is_unique = folder.name and names.count(folder.name) == 1
+        sets[folder.name if is_unique else str(folder)] = sorted(named.values(), key=by_number)
+    return sets
+
+
+def _recordings_of(path: Path) -> list[Path]:
+    """Return a recording, or those in a folder and in the folders in it."""
+    if is_recording(path) or not path.is_dir():
+        return [path]
+    inside = sorted(path.iterdir(), key=by_number)
+    folders = [folder for folder in inside if folder.is_dir() and not is_recording(folder)]
+    others = (folder.iterdir() for folder in folders)
+    return [*filter(is_recording, itertools.chain(inside, *others))]

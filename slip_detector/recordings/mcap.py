@@ -12,42 +12,29 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reads the messages of MCAP files from the front, up to any damage."""
+"""Reads the messages of MCAP files from the front, up to any damage; indexes are not read."""
 
 import io
 import os
 import struct
 import zlib
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, NamedTuple
 
 #: The first and the last bytes of an MCAP.
 MAGIC = b'\x89MCAP0\r\n'
 
-#: A record begins with its kind and its length in bytes; 1 to 15 are kinds of the format, 128 to
-#: 255 those of applications.
+#: A record begins with its opcode and its length in bytes; 1 to 15 are opcodes of the format, 128
+#: to 255 those of applications.
 _RECORD = struct.Struct('<BQ')
-_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _STATISTICS = 2, 3, 4, 5, 6, 11
-_KINDS, _IN_CHUNK = (*range(1, 16), *range(128, 256)), (_SCHEMA, _CHANNEL, _MESSAGE)
-_READ = (*_IN_CHUNK, _CHUNK, _STATISTICS, _FOOTER)
+_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 2, 3, 4, 5, 6
+_OPCODES, _IN_CHUNK = (*range(1, 16), *range(128, 256)), (_SCHEMA, _CHANNEL, _MESSAGE)
 
 #: A message begins with its channel, number, time of receipt and time of publishing; a chunk with
 #: its first and last time, its length, its checksum (0: none) and the length of what follows, the
 #: name of its compression.
 _MESSAGE_HEAD, _CHUNK_HEAD = struct.Struct('<HIQQ'), struct.Struct('<QQQII')
-
-#: How much of the end of a file is read at a time to find its last byte that is not zero.
-_TAIL_BYTES = 2**20
-
-#: What is said of messages outside of a chunk, or in a chunk without a checksum.
-UNCHECKED = 'without checksums, so that damage may go unseen'
-
-#: Number of a topic in its file, time of receipt in nanoseconds, serialised message.
-Received = tuple[int, int, bytes]
-
-#: Kind and content of each record, and where the last one ends.
-Records = Generator[tuple[int, bytes], None, int]
 
 
 class Topic(NamedTuple):
@@ -59,114 +46,74 @@ class Topic(NamedTuple):
     definition: str
 
 
+#: Topic, time of receipt in nanoseconds, serialised message.
+Received = tuple[Topic, int, bytes]
+
+
 class DamageError(ValueError):
     """Damage to a file, of which all before it was read."""
 
 
-class BagFile:
-    """A file of a bag.
+def read_mcap(path: Path) -> Iterator[Received]:
+    """Yield the messages of all topics in the order of the file.
 
-    Attributes
-    ----------
-    path : Path
-    topics : dict
-        The topics that were found so far, by their numbers.
-    doubts : str
-        Why damage to what was read so far may go unseen; empty if it cannot.
+    At damage a DamageError says where it is; damage within a record may raise anything.
     """
-
-    def __init__(self, path: Path) -> None:
-        self.path, self.doubts = path, ''
-        self.topics: dict[int, Topic] = {}
-
-
-def messages_of(file: BagFile) -> Iterator[Received]:
-    """Yield the messages of all topics of an MCAP in the order of the file.
-
-    Indexes are not read, and neither are the times in records on chunks.
-
-    Raises
-    ------
-    DamageError
-        At damage; says where. Damage within a record may raise anything.
-    """
-    schemas: dict[int, list[str]] = {}
-    n = 0
-    with open(file.path, 'rb') as data:
-        if data.read(len(MAGIC)) != MAGIC:
+    schemas, topics = dict[int, list[str]](), dict[int, Topic]()
+    with open(path, 'rb') as file:
+        if file.read(len(MAGIC)) != MAGIC:
             raise DamageError('is damaged at byte 0, or no MCAP')
-        size = _size(data)
-        for kind, record in _records(file, data, len(MAGIC), size):
+        for opcode, record in _read_records(file, len(MAGIC)):
             number = int.from_bytes(record[:2], 'little')
-            if kind == _MESSAGE:
-                n += 1
-                yield number, _MESSAGE_HEAD.unpack_from(record)[2], record[_MESSAGE_HEAD.size :]
-            elif kind == _SCHEMA:
-                schemas[number] = _texts(record[2:], 3)
-            elif kind == _CHANNEL:
+            if opcode == _MESSAGE:
+                at_ns = _MESSAGE_HEAD.unpack_from(record)[2]
+                yield topics[number], at_ns, record[_MESSAGE_HEAD.size :]
+            elif opcode == _SCHEMA:
+                schemas[number] = _read_texts(record[2:], 3)
+            elif opcode == _CHANNEL:
                 described = schemas.get(int.from_bytes(record[2:4], 'little'), ['', '', ''])
-                file.topics.setdefault(number, Topic(*_texts(record[4:], 1), *described))
-            elif kind == _STATISTICS and n != (said := int.from_bytes(record[:8], 'little')):
-                raise DamageError(f'has {n} messages, and counts {said} in its summary')
-            elif kind == _FOOTER:
-                return
+                topics[number] = Topic(*_read_texts(record[4:], 1), *described)
+
+
+def _read_records(data: IO[bytes], begin: int, chunk: int = 0) -> Iterator[tuple[int, bytes]]:
+    """Yield opcode and content of what describes topics and of messages, up to the footer.
+
+    ``chunk`` is the first byte of the chunk that the data are; 0: they are the file.
+    """
+    from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
+
+    size = data.seek(0, os.SEEK_END)
+    while begin < size:
+        data.seek(begin)
+        opcode, length = _RECORD.unpack(data.read(_RECORD.size).ljust(_RECORD.size, b'\0'))
+        if opcode not in (_IN_CHUNK if chunk else _OPCODES):
+            raise DamageError(f'is damaged at byte {chunk or begin}')
+        if opcode == _FOOTER:
+            return
+        place, begin = begin, begin + _RECORD.size + length
+        is_whole = begin <= size
+        if opcode in _IN_CHUNK and is_whole:
+            yield opcode, data.read(length)
+        elif opcode == _CHUNK:
+            content = data.read(min(begin, size) - data.tell()).ljust(_CHUNK_HEAD.size, b'\0')
+            *_, n_bytes, checksum, n = _CHUNK_HEAD.unpack_from(content)
+            name_end = _CHUNK_HEAD.size + n
+            records_at = name_end + 8  # Behind the length when compressed.
+            if is_whole:
+                unpack = DECOMPRESSORS[content[_CHUNK_HEAD.size : name_end].decode()]
+                raw = unpack(content[records_at:], n_bytes)
+                if len(raw) != n_bytes or (checksum and zlib.crc32(raw) != checksum):
+                    raise DamageError(f'has a damaged chunk at byte {place}')
+                yield from _read_records(io.BytesIO(raw), 0, place)
+            elif not n:  # What is there of a chunk that is not compressed is records.
+                begin = place + _RECORD.size + records_at
+    if chunk and begin > size:
+        raise DamageError(f'has a damaged chunk at byte {chunk}')
+    if not chunk:
         raise DamageError(f'is cut off at byte {size}')
 
 
-def _size(data: IO[bytes]) -> int:
-    """Return the length of a file without the zeros at its end that a power cut leaves."""
-    size = end = data.seek(0, os.SEEK_END)
-    content = b''
-    while end and not content:
-        begin = data.seek(max(0, end - _TAIL_BYTES))
-        content, end = data.read(end - begin).rstrip(b'\0'), begin
-    # The lengths of two empty lists, with which a JointState ends, are zeros of its own.
-    return min(size, end + len(content) + 8)
-
-
-def _records(file: BagFile, data: IO[bytes], begin: int, size: int, chunk: int = 0) -> Records:
-    """Yield kind and content of each whole record; those of a chunk, which may be cut off, too.
-
-    ``chunk`` is the first byte of the chunk that has the records; 0: they are in none. Return
-    where the last record ends.
-    """
-    while begin + _RECORD.size <= size:
-        data.seek(begin)
-        kind, length = _RECORD.unpack(data.read(_RECORD.size))
-        if kind not in (_IN_CHUNK if chunk else _KINDS):
-            raise DamageError(f'is damaged at byte {chunk or begin}')
-        place, begin = begin, begin + _RECORD.size + length
-        content = data.read(min(begin, size) - data.tell()) if kind in _READ else b''
-        if kind == _CHUNK:
-            raw = _unpacked(file, content, place, begin <= size)
-            end = yield from _records(file, io.BytesIO(raw), 0, len(raw), place)
-            if begin <= size and end != len(raw):
-                raise DamageError(f'has a damaged chunk at byte {place}')
-        elif begin <= size:
-            if kind == _MESSAGE and not chunk:
-                file.doubts = UNCHECKED
-            yield kind, content
-    return begin
-
-
-def _unpacked(file: BagFile, content: bytes, begin: int, whole: bool) -> bytes:
-    """Return the records of a chunk; of one that is cut off what is there, if it can be read."""
-    from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
-
-    *_, size, checksum, n = _CHUNK_HEAD.unpack_from(content.ljust(_CHUNK_HEAD.size, b'\0'))
-    compression = content[_CHUNK_HEAD.size : _CHUNK_HEAD.size + n].decode()
-    content = content[_CHUNK_HEAD.size + n + 8 :]  # Behind the length when compressed.
-    if compression:
-        content = DECOMPRESSORS[compression](content, size) if whole else b''
-    is_same = len(content) == size and (not checksum or zlib.crc32(content) == checksum)
-    if whole and not is_same:
-        raise DamageError(f'has a damaged chunk at byte {begin}')
-    if not checksum:
-        file.doubts = UNCHECKED
-    return content
-
-
-def _texts(content: bytes, n: int) -> list[str]:
+def _read_texts(content: bytes, n: int) -> list[str]:
     """Return the texts at the beginning of a record, each after its length."""
     data = io.BytesIO(content)
     return [data.read(int.from_bytes(data.read(4), 'little')).decode() for _ in range(n)]

@@ -33,7 +33,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slip_detector.chain.samples import Floats, Samples
-from slip_detector.parameters.fields import name_list
+from slip_detector.parameters import name_list
 
 #: Labels of the two dimensions of a ``*MultiArray`` that carries several samples.
 BATCH_LABELS = ['sample', 'channel']
@@ -70,15 +70,11 @@ class JointStateLayout(NamedTuple):
     names : tuple of str
     numbers : dict
         Bytes of position, velocity and effort.
-    fixed : list of slice
-        Bytes that are the same in all messages of a sensor: texts and lengths. The stamp and the
-        numbers differ; padding may have any value.
     """
 
     frame_id: str
     names: tuple[str, ...]
     numbers: dict[str, slice]
-    fixed: list[slice]
 
 
 def joint_state_layout(raw: bytes) -> JointStateLayout:
@@ -92,7 +88,6 @@ def joint_state_layout(raw: bytes) -> JointStateLayout:
     if not raw.startswith(LITTLE_ENDIAN):
         raise ValueError('not little-endian CDR')
     place = TEXTS
-    fixed = [slice(ENCAPSULATION_BYTES)]
 
     def part(n: int, alignment: int) -> slice:
         nonlocal place
@@ -101,12 +96,10 @@ def joint_state_layout(raw: bytes) -> JointStateLayout:
         return slice(begin, place)
 
     def length() -> int:
-        fixed.append(part(LENGTH.size, LENGTH.size))
-        return int(LENGTH.unpack_from(raw, fixed[-1].start)[0])
+        return int(LENGTH.unpack_from(raw, part(LENGTH.size, LENGTH.size).start)[0])
 
     def text() -> str:
-        fixed.append(part(length(), 1))
-        return raw[fixed[-1]].partition(b'\0')[0].decode(errors='replace')
+        return raw[part(length(), 1)].partition(b'\0')[0].decode(errors='replace')
 
     try:
         frame_id = text()
@@ -119,71 +112,65 @@ def joint_state_layout(raw: bytes) -> JointStateLayout:
         place = len(raw) + 1
     if place > len(raw):
         raise ValueError('the message is cut off')
-    return JointStateLayout(frame_id, names, numbers, fixed)
+    return JointStateLayout(frame_id, names, numbers)
 
 
 class JointStateReader:
-    """Reads serialised JointState messages one by one, quickly if they resemble the last one.
+    """Reads a field of serialised JointState messages, quickly if they resemble the last one.
+
+    Parameters
+    ----------
+    field
+        One of :data:`JOINT_FIELDS`.
 
     Examples
     --------
-    >>> raw = JointStateWriter('tip', ['a', 'b']).serialize(5, np.array([4.1, 4.3]))
-    >>> samples = JointStateReader().read(raw)
-    >>> samples.volts, samples.stamps_ns, samples.names
-    (array([[4.1, 4.3]]), array([5]), ('a', 'b'))
+    >>> writer = JointStateWriter('tip', ['a', 'b'])
+    >>> rows = {5: np.array([4.1, 4.3]), 10: np.array([4.2, 4.4])}
+    >>> raws = [writer.serialize(at_ns, row) for at_ns, row in rows.items()]
+    >>> samples = JointStateReader().read(raws)
+    >>> samples.volts.tolist(), samples.stamps_ns.tolist(), samples.names
+    ([[4.1, 4.3], [4.2, 4.4]], [5, 10], ('a', 'b'))
     """
 
-    def __init__(self) -> None:
-        self._size, self._position, self._texts = 0, slice(0), b''
+    def __init__(self, field: str = 'position') -> None:
+        self._fields = JOINT_FIELDS[: JOINT_FIELDS.index(field) + 1]
+        self._size, self._numbers, self._layout = -1, slice(0), JointStateLayout('', (), {})
+        #: What is the same in messages of a sensor, texts and lengths, and where it begins.
+        self._fixed: list[tuple[bytes, int]] = []
 
-    def read(self, raw: bytes) -> Samples:
-        """Return the one sample of a message, with a stamp of 0 if it has none.
+    def read(self, raws: Sequence[bytes]) -> Samples:
+        """Return a row for each of some messages, with a stamp of 0 if it has none.
 
         Raises
         ------
         ValueError
-            As :func:`joint_state_layout`.
+            As :func:`joint_state_layout`, or when the messages differ in texts or lengths.
         """
-        is_alike = len(raw) == self._size and raw.startswith(LITTLE_ENDIAN)
-        if not is_alike or raw[TEXTS : self._position.start] != self._texts:
-            self._layout = joint_state_layout(raw)
-            self._size, self._position = len(raw), self._layout.numbers['position']
-            self._texts = raw[TEXTS : self._position.start]
-        seconds, rest = STAMP.unpack_from(raw, ENCAPSULATION_BYTES)
-        # A writable copy, aligned for float64.
-        content = bytearray(raw[self._position])
-        rows = np.ndarray((1, len(content) // DOUBLES.itemsize), DOUBLES, content)
-        stamps_ns = np.array([seconds * 1_000_000_000 + rest])
+        if not self._is_alike(raws[0]):
+            self._learn(raws[0])
+        if len(raws) > 1 and not all(map(self._is_alike, raws)):
+            raise ValueError('the messages differ in texts or lengths')
+        # As a bytearray the rows are writable, and aligned for float64.
+        content = bytearray().join([raw[self._numbers] for raw in raws])
+        shape = len(raws), (self._numbers.stop - self._numbers.start) // DOUBLES.itemsize
+        rows = np.ndarray(shape, DOUBLES, content)
+        stamps = [STAMP.unpack_from(raw, ENCAPSULATION_BYTES) for raw in raws]
+        stamps_ns = np.array([seconds * 1_000_000_000 + rest_ns for seconds, rest_ns in stamps])
         names, frame_id = self._layout.names, self._layout.frame_id
         return Samples(rows, stamps_ns, names=names, frame_id=frame_id)
 
+    def _learn(self, raw: bytes) -> None:
+        self._layout, self._size = joint_state_layout(raw), len(raw)
+        self._fixed, begin = [(LITTLE_ENDIAN, 0)], TEXTS
+        for field in self._fields:
+            self._numbers = self._layout.numbers[field]
+            self._fixed.append((raw[begin : self._numbers.start], begin))
+            begin = self._numbers.stop
 
-def joint_state_table(raws: Sequence[bytes], field: str = 'position') -> 'Samples | None':
-    """Read a field of serialised JointState messages at once; None if they are not alike.
-
-    The rows of the samples are the numbers of the field, one row for each message.
-
-    Examples
-    --------
-    >>> writer = JointStateWriter('thumb', ['a', 'b'])
-    >>> rows = {5: np.array([4.3, 4.2]), 10: np.array([4.1, 4.0])}
-    >>> table = joint_state_table([writer.serialize(at_ns, row) for at_ns, row in rows.items()])
-    >>> table.stamps_ns.tolist(), table.volts.tolist()
-    ([5, 10], [[4.3, 4.2], [4.1, 4.0]])
-    """
-    try:
-        layout = joint_state_layout(raws[0])
-    except ValueError:
-        return None
-    if len({*map(len, raws)}) > 1:
-        return None
-    content = np.frombuffer(b''.join(raws), np.uint8).reshape(len(raws), -1)
-    places = np.r_[tuple(layout.fixed)]
-    if (content[:, places] != content[0, places]).any():
-        return None
-    seconds, rest_ns = content[:, ENCAPSULATION_BYTES:TEXTS].copy().view('<i4').astype(np.int64).T
-    rows = content[:, layout.numbers[field]].copy().view(DOUBLES)
-    return Samples(rows, seconds * 1_000_000_000 + rest_ns, names=layout.names)
+    def _is_alike(self, raw: bytes) -> bool:
+        """Return whether the numbers of a message are in the same place as those of the last."""
+        return len(raw) == self._size and all(raw.startswith(*part) for part in self._fixed)
 
 
 class JointStateWriter:
@@ -200,37 +187,31 @@ class JointStateWriter:
     --------
     >>> writer = JointStateWriter('thumb', ['a', 'b'], efforts=True)
     >>> raw = writer.serialize(5, np.array([4.1, 4.3]), np.array([0.0, 1.0]))
-    >>> joint_state_table([raw], 'effort').volts.tolist()
+    >>> JointStateReader('effort').read([raw]).volts.tolist()
     [[0.0, 1.0]]
     """
 
     def __init__(self, frame_id: str, names: Sequence[str], efforts: bool = False) -> None:
-        raw = bytearray(LITTLE_ENDIAN).ljust(TEXTS, b'\0')
-
-        def append(number: int, content: bytes = b'', alignment: int = 1) -> None:
-            raw.extend(bytes(-len(raw) % LENGTH.size) + LENGTH.pack(number))
-            padding = (ENCAPSULATION_BYTES - len(raw)) % alignment if content else 0
-            raw.extend(bytes(padding) + content)
-
-        frame, *texts = (text.encode() + b'\0' for text in (frame_id, *names))
-        append(len(frame), frame)
-        append(len(names))
-        for text in texts:
-            append(len(text), text)
-        for n in (len(names), 0, len(names) if efforts else 0):
-            append(n, bytes(DOUBLES.itemsize * n), DOUBLES.itemsize)
-        numbers = joint_state_layout(bytes(raw)).numbers
-        self._position, self._effort = numbers['position'], numbers['effort']
-        # A memoryview: writing more or fewer bytes than a slice has is an error.
-        self._raw = memoryview(raw)
+        number = LENGTH.pack(n := len(names))
+        texts = b''.join([_pack_text(frame_id), number, *map(_pack_text, names), number])
+        padding = -(STAMP.size + len(texts)) % DOUBLES.itemsize if n else 0
+        self._texts, self._n_bytes = texts + bytes(padding), DOUBLES.itemsize * n
+        #: The lengths of velocity and effort.
+        self._lengths = LENGTH.pack(0) + LENGTH.pack(n if efforts else 0)
 
     def serialize(self, stamp_ns: int, position: Floats, effort: 'Floats | None' = None) -> bytes:
         """Return one message."""
-        STAMP.pack_into(self._raw, ENCAPSULATION_BYTES, *divmod(stamp_ns, 1_000_000_000))
-        self._raw[self._position] = position.tobytes()
-        if effort is not None:
-            self._raw[self._effort] = effort.tobytes()
-        return bytes(self._raw)
+        if position.nbytes != self._n_bytes:
+            raise ValueError(f'{position.nbytes} bytes of positions, allowed: {self._n_bytes}')
+        head = LITTLE_ENDIAN + b'\0\0' + STAMP.pack(*divmod(stamp_ns, 1_000_000_000))
+        efforts = b'' if effort is None else effort.tobytes()
+        return head + self._texts + position.tobytes() + self._lengths + efforts
+
+
+def _pack_text(text: str) -> bytes:
+    """Return a text after its length, with padding up to the next length."""
+    content = text.encode() + b'\0'
+    return LENGTH.pack(len(content)) + content + bytes(-len(content) % LENGTH.size)
 
 
 class FieldReader:
@@ -270,17 +251,17 @@ class FieldReader:
         #: For each path, the name of each field and of its elements: '' for all, ':' for rows,
         #: None for the field itself.
         self._paths: list[list[tuple[str, str | None]]] = []
-        for one in path.split(','):
+        for single in path.split(','):
             self._paths.append([])
-            for part in one.strip().split('.'):
+            for part in single.strip().split('.'):
                 match = _STEP.fullmatch(part)
-                if not match or (match['element'] == ':' and '[:]' in one.partition('[:]')[2]):
+                if not match or (match['element'] == ':' and '[:]' in single.partition('[:]')[2]):
                     raise ValueError(f'field {path!r} has the part {part!r}, allowed: {_SYNTAX}')
                 self._paths[-1].append((match['name'], match['element']))
 
-    def begins_in(self, kind: Any) -> bool:
+    def begins_in(self, message_class: Any) -> bool:
         """Return whether all paths begin with a field of a class of messages."""
-        return all(_own_name(steps[0][0], kind) for steps in self._paths)
+        return all(_find_field(steps[0][0], message_class) for steps in self._paths)
 
     def __call__(self, message: Any) -> Floats:
         """Return the numbers of the field.
@@ -301,58 +282,51 @@ class FieldReader:
         ValueError
             When there is no such field or it holds no numbers; names the existing fields.
         """
+        rows = self._side_by_side([self._rows(message, steps) for steps in self._paths])
         with np.errstate(invalid='ignore'):  # a signalling NaN warns
-            parts = [self._rows(message, steps) for steps in self._paths]
-        numbers = [len(rows) for rows in parts]
-        if len({*numbers}) > 1:
-            raise ValueError(f'field {self.path}: has {numbers} rows, allowed: as many of each')
-        rows = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
-        layout = getattr(message, 'layout', None)
-        labels = [dimension.label for dimension in layout.dim] if layout is not None else []
-        if self.path == 'data' and layout is not None and labels == BATCH_LABELS:
-            shape = [int(dimension.size) for dimension in layout.dim]
-            return rows[0, int(layout.data_offset) :].reshape(shape)
-        return rows
+            numbers: Floats = np.array(rows, np.float64).reshape(len(rows), -1 if rows else 0)
+        dimensions = message.layout.dim if hasattr(message, 'layout') else []
+        if self.path == 'data' and [dimension.label for dimension in dimensions] == BATCH_LABELS:
+            shape = [int(dimension.size) for dimension in dimensions]
+            return numbers.ravel()[int(message.layout.data_offset) :].reshape(shape)
+        return numbers
 
-    def _rows(self, message: Any, steps: list[tuple[str, str | None]]) -> Floats:
-        """Return the numbers at one path, (samples, channels)."""
-        found: list[Sequence[Any]] = [[message]]  # of each row
-        for name, element in steps:
-            inner = [[self._inner(one, name, element) for one in row] for row in found]
-            if element != ':':
-                found = [list(itertools.chain(*values)) for values in inner]
-            elif len({*map(len, inner[0])}) > 1:
-                text = f'{name} has {[*map(len, inner[0])]} elements, allowed: as many in each'
-                raise ValueError(f'field {self.path}: {text}')
-            else:
-                found = [*zip(*inner[0], strict=True)]
-                if not found:  # No samples, of as many channels as there are lists.
-                    return np.empty((0, len(inner[0])))
-        if not found[0]:
-            raise self._error(self.path, message)
-        return np.stack([self._numbers(row) for row in found])
-
-    def _inner(self, one: Any, name: str, element: str | None) -> list[Any]:
-        """Return the field of a message, or those of its elements that are wanted."""
-        if not (own := _own_name(name, one.__class__)):
-            raise self._error(name, one)
-        value = getattr(one, own)
+    def _rows(self, value: Any, steps: Sequence[tuple[str, str | None]]) -> list[Sequence[Any]]:
+        """Return the rows of numbers at the end of a path from a message, or those in a value."""
+        if not steps:
+            return [self._numbers(value)]
+        (name, element), *rest = steps
+        if not (own := _find_field(name, value.__class__)):
+            raise self._error(name, value)
+        inner = getattr(value, own)
         try:
             # NumPy's arrays and those of rclpy (array.array) are lists of numbers.
-            values = [value] if element is None else list(value)
-            return [values[int(element)]] if element and element != ':' else values
+            elements = [inner] if element is None else list(inner)
+            elements = [elements[int(element)]] if element and element != ':' else elements
         except (TypeError, IndexError):
-            raise self._error(f'{name}[{element}]', one) from None
+            raise self._error(f'{name}[{element}]', value) from None
+        if not elements and element != ':':
+            raise self._error(name, value)
+        parts = [self._rows(element_value, rest) for element_value in elements]
+        return [*itertools.chain(*parts)] if element == ':' else self._side_by_side(parts)
 
-    def _numbers(self, row: Sequence[Any]) -> Floats:
-        """Return numbers, or lists of numbers, as an array."""
-        if all(isinstance(one, int | float | np.number) for one in row):
-            return np.array(row, np.float64)
-        arrays = [np.asarray(one) for one in row]
-        for array in arrays:
-            if array.dtype.kind not in 'fiub':
-                raise self._error(self.path, row[0])
-        return np.concatenate([array.astype(np.float64).reshape(-1) for array in arrays])
+    def _side_by_side(self, parts: list[list[Sequence[Any]]]) -> list[Sequence[Any]]:
+        """Return as many rows as each part has, with the numbers of all parts."""
+        if len(parts) == 1:
+            return parts[0]
+        if len({*map(len, parts)}) > 1:
+            text = f'has {[*map(len, parts)]} rows, allowed: as many of each'
+            raise ValueError(f'field {self.path}: {text}')
+        return [[*itertools.chain(*row)] for row in zip(*parts, strict=True)]
+
+    def _numbers(self, value: Any) -> Any:
+        """Return a number, or a list of numbers, as a list."""
+        if isinstance(value, int | float | np.number):
+            return [value]
+        numbers = np.asarray(value)
+        if numbers.dtype.kind not in 'fiub':
+            raise self._error(self.path, value)
+        return numbers.ravel()
 
     def _error(self, part: str, where: Any) -> ValueError:
         """Return the error that a part of the path gives no numbers, with the fields there."""
@@ -363,18 +337,18 @@ class FieldReader:
 
 
 @functools.cache
-def _field_names(kind: Any) -> tuple[str, ...]:
+def _field_names(message_class: Any) -> tuple[str, ...]:
     """Return the names of the fields in a class of messages; empty for other classes."""
-    if hasattr(kind, 'get_fields_and_field_types'):  # of rclpy
-        return tuple(kind.get_fields_and_field_types())
-    fields = dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ()
+    if hasattr(message_class, 'get_fields_and_field_types'):  # of rclpy
+        return tuple(message_class.get_fields_and_field_types())
+    fields = dataclasses.fields(message_class) if dataclasses.is_dataclass(message_class) else ()
     # The message classes of rosbags have the name of the type as a further field.
-    return tuple(one.name for one in fields if not one.name.startswith('__'))
+    return tuple(field.name for field in fields if not field.name.startswith('__'))
 
 
 @functools.cache
-def _own_name(name: str, kind: Any) -> str:
+def _find_field(name: str, message_class: Any) -> str:
     """Return which field of a message has this name, if need be but for case; '': none."""
-    names = _field_names(kind)
+    names = _field_names(message_class)
     alike = [own for own in names if own.lower() == name.lower()]
     return name if name in names else alike[0] if alike else ''

@@ -28,8 +28,7 @@ from typing import Any
 import numpy as np
 
 from slip_detector.chain.samples import Samples
-from slip_detector.parameters.fields import refuse
-from slip_detector.parameters.files import whole_file, writable_folder
+from slip_detector.parameters import refuse, whole_file, writable_folder
 from slip_detector.recordings.bag_recording import BOOL, JOINT_STATE
 from slip_detector.recordings.bag_storage import INFORMATION, METADATA, load_rosbags
 from slip_detector.recordings.labels import ACCURACY, KIND

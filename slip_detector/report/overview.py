@@ -29,7 +29,7 @@ from slip_detector.chain.slip_chain import SlipResult
 from slip_detector.evaluation.evaluator import OpenedRecording
 from slip_detector.evaluation.figures import FALSE, ReplayOutcome
 from slip_detector.evaluation.matching import OnIntervals
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters import ChainConfig
 
 Volts = NDArray[np.float32]
 Codes = NDArray[np.uint8]

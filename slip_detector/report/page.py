@@ -37,8 +37,7 @@ from numpy.typing import NDArray
 from slip_detector.evaluation import evaluator
 from slip_detector.evaluation.figures import ReplayOutcome, figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.fields import name_list
-from slip_detector.parameters.files import whole_file
+from slip_detector.parameters import name_list, whole_file
 from slip_detector.recordings import by_number
 from slip_detector.report import texts
 from slip_detector.report.overview import OUTCOMES, Codes, Overview, Volts

@@ -23,8 +23,7 @@ from matplotlib.figure import Figure
 
 from slip_detector.chain.samples import Bools, Floats
 from slip_detector.grasp.loop import CONTROLLER, PAPER, UNCONTROLLED, GraspTrial
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.files import whole_file
+from slip_detector.parameters import ChainConfig, whole_file
 from slip_detector.report.texts import number_text, text_table
 
 #: Colours that colour-blind readers can distinguish (Okabe and Ito): blue, vermilion, green,

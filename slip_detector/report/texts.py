@@ -19,9 +19,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from slip_detector.evaluation.figures import ALREADY_ON, STAGES
-from slip_detector.parameters.fields import name_list
+from slip_detector.parameters import name_list
 from slip_detector.recordings.labels import KINDS
-from slip_detector.tuning.problem import better_than_chance, worse_figures
+from slip_detector.tuning.problem import beats_chance, worse_figures
 
 #: The text of a figure that is not defined.
 UNDEFINED = '-'
@@ -374,11 +374,11 @@ def _slips_found(after: Figures, before: Figures | None) -> str:
         return 'No slips to find'
     text = f'Finds {matched or "none"} of {scored} slip{"" if scored == 1 else "s"}'
     if before and before['matched'] != matched:
-        by_chance = before['matched'] and not better_than_chance(before)
+        by_chance = before['matched'] and not beats_chance(before)
         text += f' (before: {before["matched"] or "none"}{" by guessing" if by_chance else ""})'
     if matched and after['sooner_than_chance'] is None:
         return f'{text}; without rest nobody knows whether by guessing'
-    if matched and not better_than_chance(after):
+    if matched and not beats_chance(after):
         return f'{text}, no better than guessing'
     guessed = round((after['recall_by_chance'] or 0.0) * scored)
     if 2 * guessed >= matched > 0:

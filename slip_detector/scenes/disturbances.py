@@ -18,8 +18,7 @@ import numpy as np
 
 from slip_detector.chain.samples import Floats
 from slip_detector.compiled import CompiledSet, compiled
-from slip_detector.parameters.fields import parameter
-from slip_detector.parameters.sets import ParameterSet
+from slip_detector.parameters import ParameterSet, parameter
 
 #: A sum of no sines. A sum of k sines has the shape (3, k), with rows of amplitudes in the unit of
 #: the sum, angular rates in rad/s and phases in rad.

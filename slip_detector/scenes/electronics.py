@@ -21,9 +21,7 @@ from typing import Any
 import numpy as np
 
 from slip_detector.chain.samples import Floats
-from slip_detector.parameters.detector import PAPER_CHANNELS, PAPER_GROUPS
-from slip_detector.parameters.fields import parameter
-from slip_detector.parameters.sets import ParameterSet
+from slip_detector.parameters import PAPER_CHANNELS, PAPER_GROUPS, ParameterSet, parameter
 from slip_detector.scenes.disturbances import NO_SINES, sines_at
 
 #: Distance between the centres of two neighbouring sensors: 16 units on 22.3 mm2 (the density

@@ -35,7 +35,7 @@ import math
 import numpy as np
 
 from slip_detector.compiled import CompiledSet, compiled
-from slip_detector.parameters.fields import parameter
+from slip_detector.parameters import parameter
 
 
 class Skin(CompiledSet):

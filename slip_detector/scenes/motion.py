@@ -27,8 +27,7 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Floats
 from slip_detector.compiled import compiled
-from slip_detector.parameters.fields import parameter, quote, refuse
-from slip_detector.parameters.sets import ParameterSet
+from slip_detector.parameters import ParameterSet, parameter, quote, refuse
 from slip_detector.scenes import disturbances, surface
 from slip_detector.scenes.disturbances import NO_SINES, TREMOR_PEAK, sines_at
 

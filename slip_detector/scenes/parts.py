@@ -20,15 +20,14 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.parameters.fields import parameter, quote, quote_name, refuse
-from slip_detector.parameters.sets import ParameterSet
+from slip_detector.parameters import ParameterSet, parameter, quote, quote_name, refuse
 from slip_detector.scenes.disturbances import TREMOR_PEAK, Hum, Rolling, Taps, Tremor
 from slip_detector.scenes.electronics import ContactNoise, Electronics, Faults
 from slip_detector.scenes.friction import Friction, Skin
 from slip_detector.scenes.motion import Motion, Orders, Step
 from slip_detector.scenes.surface import Contact, FreeObject, Roughness, Texture
 
-#: The class of each part. Their order determines what each draws: see :func:`spawned`.
+#: The class of each part. Their order determines what each draws: see :func:`spawn_parts`.
 PARTS: dict[str, type[ParameterSet]] = {
     'motion': Motion,
     'contact': Contact,
@@ -69,7 +68,7 @@ class Sampling(ParameterSet):
 NOT_PARTS = ('steps', *Sampling.__dataclass_fields__)
 
 
-def spawned(trial: np.random.Generator) -> dict[str, np.random.Generator]:
+def spawn_parts(trial: np.random.Generator) -> dict[str, np.random.Generator]:
     """Return the generator of each part, which depends on the part's place among all parts."""
     children = trial.spawn(len(PARTS) + UNUSED)
     del children[UNUSED_FROM : UNUSED_FROM + UNUSED]

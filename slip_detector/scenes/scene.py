@@ -22,15 +22,19 @@ from typing import Any
 import numpy as np
 
 from slip_detector.chain.samples import Floats, Samples
-from slip_detector.parameters.detector import PAPER_CHANNELS, default_channel_names
-from slip_detector.parameters.fields import quote, refuse
-from slip_detector.parameters.files import shared_folder
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters import (
+    PAPER_CHANNELS,
+    default_channel_names,
+    quote,
+    read_yaml,
+    refuse,
+    shared_folder,
+)
 from slip_detector.scenes import motion
 from slip_detector.scenes.electronics import Frontend, taxel_positions
 from slip_detector.scenes.friction import Friction
 from slip_detector.scenes.mechanics import STAGE_TIMES, SceneConstants, State, advance
-from slip_detector.scenes.parts import Sampling, check_grip, check_parts, read_parts, spawned
+from slip_detector.scenes.parts import Sampling, check_grip, check_parts, read_parts, spawn_parts
 from slip_detector.scenes.surface import FreeObject, RidgeNumbers, RoughNumbers
 
 
@@ -87,7 +91,7 @@ class Scene:
         names = description.keys() & Sampling.__dataclass_fields__
         sampling = Sampling.from_parameters({name: description[name] for name in names})
         steps = motion.read_steps(description.get('steps'))
-        children = spawned(trial)
+        children = spawn_parts(trial)
         self.channel_names = default_channel_names(PAPER_CHANNELS)
         self.sample_rate_hz = sampling.sample_rate_hz
         self.duration_s = sum(step.duration_s for step in steps)

@@ -20,8 +20,7 @@ import numpy as np
 
 from slip_detector.chain.samples import Floats
 from slip_detector.compiled import CompiledSet, compiled
-from slip_detector.parameters.fields import parameter
-from slip_detector.parameters.sets import ParameterSet
+from slip_detector.parameters import ParameterSet, parameter
 
 STANDARD_GRAVITY_M_S2 = 9.80665
 

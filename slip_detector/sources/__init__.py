@@ -17,7 +17,7 @@
 import time
 from collections.abc import Callable
 
-from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters import DriverConfig
 from slip_detector.sources.source import Source
 
 __all__ = ['Source', 'open_source']
@@ -44,7 +44,7 @@ def open_source(
 
     Examples
     --------
-    >>> from slip_detector.parameters.driver import DriverConfig
+    >>> from slip_detector.parameters import DriverConfig
     >>> source = open_source(DriverConfig(source='scene', scene='flat_plate', seed=1))
     >>> source.is_live, source.has_object, source.sample_rate_hz
     (False, False, 380.0)

@@ -30,9 +30,7 @@ from numpy.typing import ArrayLike
 from slip_detector.chain.samples import Samples, Stamps
 from slip_detector.chain.stamp_rules import NONE
 from slip_detector.chain.stamps import rising
-from slip_detector.parameters.detector import default_channel_names
-from slip_detector.parameters.driver import DriverConfig
-from slip_detector.parameters.fields import refuse
+from slip_detector.parameters import DriverConfig, default_channel_names, refuse
 from slip_detector.sources.packets import LONGEST_BYTES, LineDecoder, PacketDecoder
 from slip_detector.sources.source import WAIT_S, Source
 

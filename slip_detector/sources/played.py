@@ -17,8 +17,7 @@
 import numpy as np
 
 from slip_detector.chain.samples import Samples
-from slip_detector.parameters.driver import DriverConfig
-from slip_detector.parameters.fields import refuse
+from slip_detector.parameters import DriverConfig, refuse
 from slip_detector.recordings import open_recording
 from slip_detector.scenes import find_scene, load_scene
 from slip_detector.sources.source import Source
@@ -38,9 +37,8 @@ class RecordingSource(Source):
 
     @property
     def damage(self) -> str:
-        """One line on what could not be read or checked so far; empty if all could."""
-        counts = self._recording.counts
-        return '; '.join(filter(None, (counts.damage, counts.doubts)))
+        """One line on what could not be read so far; empty if all could."""
+        return self._recording.counts.damage
 
     def read(self, n: int) -> Samples:
         """Return the next ``n`` samples; fewer only at the end."""

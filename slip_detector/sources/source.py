@@ -51,7 +51,7 @@ class Source:
 
     Examples
     --------
-    >>> from slip_detector.parameters.driver import DriverConfig
+    >>> from slip_detector.parameters import DriverConfig
     >>> from slip_detector.sources import open_source
     >>> source = open_source(DriverConfig(source='scene'))
     >>> isinstance(source, Source), source.is_live

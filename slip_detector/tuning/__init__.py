@@ -20,11 +20,11 @@ Search and decision: :mod:`.space`, :mod:`.search`, :mod:`.verdict`.
 """
 
 from slip_detector.tuning.learning import learn_from_quiet
-from slip_detector.tuning.problem import better_than_chance, searched_parameters, worse_figures
+from slip_detector.tuning.problem import beats_chance, searched_parameters, worse_figures
 from slip_detector.tuning.tracks import Track, TrainingFiles, hold_out, load_tracks, track_of
 from slip_detector.tuning.verdict import TuningParameters, tune
 
 __all__ = [
-    'Track', 'TrainingFiles', 'TuningParameters', 'better_than_chance', 'hold_out',
+    'Track', 'TrainingFiles', 'TuningParameters', 'beats_chance', 'hold_out',
     'learn_from_quiet', 'load_tracks', 'searched_parameters', 'track_of', 'tune', 'worse_figures',
 ]  # fmt: skip

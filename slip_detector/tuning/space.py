@@ -24,13 +24,12 @@ import dataclasses
 import functools
 import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
-from slip_detector.parameters.files import shared_folder
+from slip_detector.parameters import COMMON_MODES, ChainConfig, shared_folder
 from slip_detector.tuning import measuring
-from slip_detector.tuning.sweep import rounded
+from slip_detector.tuning.sweep import round_digits
 from slip_detector.tuning.tracks import Track
 
 #: Edges as shares of the sample rate: lowest and highest low edge of the pass-band, and the
@@ -47,14 +46,22 @@ SHORTEST_WINDOW_S = 0.0025
 LEAST_SHARING = 3
 
 #: Kinds of recordings, and the parameters that are searched only where there is one of them; else
-#: nothing shows what the parameters are for, and they stay as they are given.
+#: nothing shows what the parameters are for, and they stay as they are.
 SHOWN_BY_KINDS = (
     ({'taps', 'press', 'roll'}, ('impact_s', 'common_rank')),
     ({'idle'}, ('contact', 'contact_channels')),
     ({'press', 'roll'}, ('activity', 'activity_cap_db', 'activity_range_db')),
 )
 
-#: How the names of the parameters of a point begin that only one decision has.
+#: The parameters of stages that a point may have as in the origin, not at all, or learnt or
+#: searched. Where the first is 0, there is no such stage.
+STAGES = {
+    'impact': ('impact_v', 'impact_s', 'impact_channels'),
+    'contact': ('contact_level_v', 'contact_channels'),
+    'activity': ('activity_cap_db', 'activity_range_db'),
+}
+
+#: Prefixes of the names of those parameters of a point that only one decision has.
 DECISION_PREFIXES = {
     'mean': ('decision_window',),
     'evidence': ('floor', 'noise', 'evidence', 'cap', 'impact', 'contact', 'activity', 'common_r'),
@@ -65,7 +72,7 @@ DECISION_PREFIXES = {
 #: steps would be taken for impacts.
 FEW_SLIPS, MANY_SLIPS = 2, 10
 
-#: Times over which a step may be an impact, and how large it is beside those of slips.
+#: Times over which the step of an impact is measured, and its size as a multiple of slips' steps.
 IMPACTS_S = (0.0, 0.005, 0.01, 0.02, 0.05)
 IMPACT_SCALES = (0.75, 1.5)
 
@@ -114,27 +121,20 @@ class SearchSpace:
 
     Parameters
     ----------
-    given
+    origin
         The chain that is tuned; parameters that are not searched keep their values.
     tracks
         The recordings to tune on, from which noise floors and the steps of slips are learnt. Not
         needed for chains that have neither.
     """
 
-    def __init__(self, given: ChainConfig, tracks: Sequence[Track] = ()) -> None:
-        self._given, self._tracks = given, tracks
+    def __init__(self, origin: ChainConfig, tracks: Sequence[Track] = ()) -> None:
+        self._origin, self._tracks = origin, tracks
         self._slips = sum(len(track.slips) for track in tracks)
-        self._highest_hz = HIGHEST * given.sample_rate_hz
-        self._least_window_s = max(SHORTEST_WINDOW_S, 1.0 / given.sample_rate_hz)
+        self._highest_hz = HIGHEST * origin.sample_rate_hz
+        self._least_window_s = max(SHORTEST_WINDOW_S, 1.0 / origin.sample_rate_hz)
         # Steps and levels of contact depend on few parameters, and many points share them.
-        self._slip_steps_v = functools.cache(
-            lambda rows: measuring.slip_steps_v(given, tracks, rows)
-        )
-        self._contact_levels_v: dict[Any, float] = {}
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Leave out what was computed, as it can be computed again."""
-        return SearchSpace, (self._given, self._tracks)
+        self._learnt: dict[Any, Any] = {}
 
     @functools.cached_property
     def distributions(self) -> dict[str, Any]:
@@ -143,34 +143,34 @@ class SearchSpace:
         from optuna.distributions import FloatDistribution as Between
         from optuna.distributions import IntDistribution as Whole
 
-        given, rate = self._given, self._given.sample_rate_hz
-        channels = given.channels - len(given.disabled_channels)
+        origin, rate = self._origin, self._origin.sample_rate_hz
+        channels = origin.channels - len(origin.disabled_channels)
         window_s = Between(self._least_window_s, 0.3, log=True)
-        mains_hz = {0.0, given.mains_hz}
+        mains_hz = {0.0, origin.mains_hz}
         for each_hz in measuring.MAINS_HZ:
             with contextlib.suppress(ValueError):  # The rate has no whole periods of it.
-                mains_hz.add(dataclasses.replace(given, mains_hz=each_hz).mains_hz)
+                mains_hz.add(dataclasses.replace(origin, mains_hz=each_hz).mains_hz)
         distributions = {
-            'impact_s': OneOf(sorted({given.impact_s, *IMPACTS_S})),
-            'common_rank': Whole(0, max(MOST_RANK, given.common_rank)),
-            'contact': OneOf(_ways(given.contact_level_v, 'none', 'learnt')),
+            'impact_s': OneOf(sorted({origin.impact_s, *IMPACTS_S})),
+            'common_rank': Whole(0, max(MOST_RANK, origin.common_rank)),
+            'contact': OneOf(_ways(origin.contact_level_v, 'none', 'learnt')),
             'contact_channels': Whole(1, channels, log=True),
-            'activity': OneOf(_ways(given.activity_cap_db, 'none', 'searched')),
+            'activity': OneOf(_ways(origin.activity_cap_db, 'none', 'searched')),
             'activity_cap_db': Between(2.0, 20.0),
             'activity_range_db': Between(-10.0, 30.0),
             'decision': OneOf(('mean', 'evidence')),
             'passband_low_hz': Between(LOWEST_LOW * rate, HIGHEST_LOW * rate, log=True),
             'passband_octaves': Between(0.5, WIDEST),
             # For a band-pass an odd degree is raised by 1.
-            'passband_degree': OneOf(sorted({given.passband_degree, 1, 2, 4})),
-            'stopbands': OneOf(_ways(given.stopbands_hz, 'none')),
+            'passband_degree': OneOf(sorted({origin.passband_degree, 1, 2, 4})),
+            'stopbands': OneOf(_ways(origin.stopbands_hz, 'none')),
             'mains_hz': OneOf(sorted(mains_hz)),
-            'exponent': Whole(1, max(4, given.exponent)),
+            'exponent': Whole(1, max(4, origin.exponent)),
             'envelope_window_s': window_s,
             'decision_window_s': window_s,
             # The given floors; ones that begin at the level learnt at rest; or ones that follow
             # the envelope, but not below the level learnt at rest.
-            'floors': OneOf(_ways(given.decision == 'evidence', 'learnt', 'followed')),
+            'floors': OneOf(_ways(origin.decision == 'evidence', 'learnt', 'followed')),
             'floor_scale': Between(0.1, 10.0, log=True),  # of the amplitude
             'noise_floor_range_db': Between(0.0, 60.0),
             'noise_floor_rate_db_s': Between(0.02, 5.0, log=True),
@@ -178,7 +178,7 @@ class SearchSpace:
             'cap_above_db': Between(1.0, 30.0),
             'evidence_limit_db_s': Between(0.02, 5.0, log=True),
             # The given step that is an impact, none, or one beside the largest steps of slips.
-            'impact': OneOf(_ways(given.impact_v, 'none', 'learnt')),
+            'impact': OneOf(_ways(origin.impact_v, 'none', 'learnt')),
             'impact_scale': Between(0.2 if self._slips >= MANY_SLIPS else 1.0, 5.0, log=True),
             'impact_channels': Whole(1, channels, log=True),
             'impact_hold_s': Between(max(0.05, 1.0 / rate), 1.0, log=True),
@@ -200,14 +200,14 @@ class SearchSpace:
         ValueError
             When its parameters contradict each other, or noise floors cannot be learnt.
         """
-        given, decision = self._given, point['decision']
-        low_hz, degree = rounded(point['passband_low_hz']), point['passband_degree']
-        high_hz = rounded(low_hz * 2.0 ** point['passband_octaves'])
+        origin, decision = self._origin, point['decision']
+        low_hz, degree = round_digits(point['passband_low_hz']), point['passband_degree']
+        high_hz = round_digits(low_hz * 2.0 ** point['passband_octaves'])
         high_hz = high_hz if high_hz <= self._highest_hz else 0.0
-        fields = dataclasses.fields(given)
+        fields = dataclasses.fields(origin)
         names = {field.name for field in fields if decision in field.metadata['searched_with']}
         changes: dict[str, Any] = {
-            name: rounded(value) if isinstance(value, float) else value
+            name: round_digits(value) if isinstance(value, float) else value
             for name, value in point.items()
             if name in names
         }
@@ -217,68 +217,68 @@ class SearchSpace:
         changes |= {
             'passband_hz': (low_hz, high_hz),
             'passband_degree': degree + degree % 2 if high_hz else degree,
-            'stopbands_hz': given.stopbands_hz if point['stopbands'] == 'given' else (),
+            'stopbands_hz': origin.stopbands_hz if point['stopbands'] == 'given' else (),
             'mains_hz': point['mains_hz'],
         }
         if decision == 'mean':
-            return dataclasses.replace(given, **changes)
-        if given.threshold >= changes['evidence_limit_db_s']:
-            changes['threshold'] = rounded(0.5 * changes['evidence_limit_db_s'])
-        learnt = {'given': given.noise_floor_learnt, 'learnt': True, 'followed': False}
+            return dataclasses.replace(origin, **changes)
+        if origin.threshold >= changes['evidence_limit_db_s']:
+            changes['threshold'] = round_digits(0.5 * changes['evidence_limit_db_s'])
+        learnt = {'given': origin.noise_floor_learnt, 'learnt': True, 'followed': False}
         changes['noise_floor_learnt'] = learnt[point['floors']]
-        changes['evidence_cap_db'] = rounded(changes['evidence_offset_db'] + point['cap_above_db'])
-        changes |= self._impacts(point)
-        mean = dataclasses.replace(given, **{**changes, 'decision': 'mean'})
-        changes |= self._contact(point, mean)
-        return dataclasses.replace(given, **changes, noise_floor=self._floors(point, mean))
+        changes['evidence_cap_db'] = round_digits(
+            changes['evidence_offset_db'] + point['cap_above_db']
+        )
+        for stage, (switch, *others) in STAGES.items():
+            changes |= {name: getattr(origin, name) for name in (switch, *others)}
+            if point.get(stage) == 'none':
+                changes[switch] = 0.0
+        if point['impact'] == 'learnt':
+            changes |= self._learn_impact(point)
+        if point.get('activity') == 'searched':
+            begin_hz, end_hz = origin.activity_band_hz
+            begin_hz *= min(low_hz / end_hz, 1.0)
+            changes['activity_band_hz'] = round_digits(begin_hz), min(low_hz, end_hz)
+            changes |= {name: round_digits(point[name]) for name in STAGES['activity']}
+        mean = dataclasses.replace(origin, **{**changes, 'decision': 'mean'})
+        if point.get('contact') == 'learnt':
+            changes['contact_channels'] = channels = point['contact_channels']
+            touched = dataclasses.replace(mean, contact_channels=channels, contact_level_v=0.0)
+            changes['contact_level_v'] = self._learn_contact(touched)
+        return dataclasses.replace(origin, **changes, noise_floor=self._floors(point, mean))
 
-    def _contact(self, point: dict[str, Any], chain: ChainConfig) -> dict[str, Any]:
-        """Return the parameters of contact and activity; ``chain`` has others of the point."""
-        given, contact, activity = self._given, point.get('contact'), point.get('activity')
-        names = 'activity_cap_db', 'activity_range_db', 'contact_level_v', 'contact_channels'
-        changes: dict[str, Any] = {name: getattr(given, name) for name in names}
-        if activity == 'none':
-            changes['activity_cap_db'] = 0.0
-        elif activity == 'searched':
-            low_hz, (begin_hz, end_hz) = chain.passband_hz[0], given.activity_band_hz
-            share = min(low_hz / end_hz, 1.0)
-            changes['activity_band_hz'] = rounded(share * begin_hz), min(low_hz, end_hz)
-            changes |= {name: rounded(point[name]) for name in names[:2]}
-        if contact == 'none':
-            changes['contact_level_v'] = 0.0
-        elif contact == 'learnt':
-            changes |= {'contact_channels': point['contact_channels'], 'contact_level_v': 0.0}
-            chain = dataclasses.replace(chain, **changes)
-            window_s, mode = chain.envelope_window_s, chain.common_mode
-            key = chain.contact_channels, chain.activity_band_hz, window_s, mode
-            if key not in self._contact_levels_v:
-                self._contact_levels_v[key] = measuring.contact_level_v(chain, self._tracks)
-            changes['contact_level_v'] = self._contact_levels_v[key]
-        return changes
+    def _once(self, key: Any, learn: Callable[[], Any]) -> Any:
+        """Return what is learnt, which is the same for the same key."""
+        if key not in self._learnt:
+            self._learnt[key] = learn()
+        return self._learnt[key]
+
+    def _learn_contact(self, chain: ChainConfig) -> float:
+        """Return the level of contact of a chain."""
+        key = chain.contact_channels, chain.activity_band_hz, chain.envelope_window_s
+        learn = functools.partial(measuring.contact_level_v, chain, self._tracks)
+        return float(self._once((*key, chain.common_mode), learn))
 
     def _floors(self, point: dict[str, Any], chain: ChainConfig) -> tuple[float, ...]:
         """Return the noise floors at a point; ``chain`` has all other parameters."""
-        scale, power = rounded(point['floor_scale']), 1.0
+        scale, power = round_digits(point['floor_scale']), 1.0
         if point['floors'] == 'given':
-            floors, power = chain.noise_floor, chain.exponent / self._given.exponent
+            floors, power = chain.noise_floor, chain.exponent / self._origin.exponent
         else:
             floors = measuring.learn_floors(chain, self._tracks)
         if scale == power == 1.0:
             return floors
-        return tuple(rounded(scale**chain.exponent * floor**power) for floor in floors)
+        return tuple(round_digits(scale**chain.exponent * floor**power) for floor in floors)
 
-    def _impacts(self, point: dict[str, Any]) -> dict[str, Any]:
-        """Return the parameters of the step that is an impact at a point."""
-        given, channels = self._given, point['impact_channels']
-        if point['impact'] != 'learnt':
-            impact_v = given.impact_v if point['impact'] == 'given' else 0.0
-            kept = {'impact_s': given.impact_s, 'impact_channels': given.impact_channels}
-            return {'impact_v': impact_v, **kept}
-        impact_s = point.get('impact_s', given.impact_s)
-        step_v = float(self._slip_steps_v(given.samples(impact_s))[channels - 1])
+    def _learn_impact(self, point: dict[str, Any]) -> dict[str, Any]:
+        """Return the parameters of an impact, whose step is beside those of slips."""
+        impact_s, channels = point.get('impact_s', self._origin.impact_s), point['impact_channels']
+        rows = self._origin.samples(impact_s)
+        learn = functools.partial(measuring.slip_steps_v, self._origin, self._tracks, rows)
+        step_v = float(self._once(rows, learn)[channels - 1])
         # The largest step of few slips says little of the next one's.
         few = 1.0 + FEW_SLIPS / max(self._slips, 1)
-        impact_v = rounded(point['impact_scale'] * few * step_v)
+        impact_v = round_digits(point['impact_scale'] * few * step_v)
         return {'impact_v': impact_v, 'impact_s': impact_s, 'impact_channels': channels}
 
     def point(self, chain: ChainConfig) -> dict[str, Any]:
@@ -288,29 +288,29 @@ class SearchSpace:
         replaced by learnt ones. Where the floors of the chain follow the envelope, the learnt ones
         do too; with the decision ``mean`` they do not.
         """
-        given = self._given
+        origin = self._origin
         followed = chain.decision == 'evidence' and not chain.noise_floor_learnt
         floors = 'followed' if followed else 'learnt'
-        if given.decision == 'evidence' and chain.noise_floor == given.noise_floor:
+        if origin.decision == 'evidence' and chain.noise_floor == origin.noise_floor:
             floors = 'given'
 
-        def way(value: float, is_given: bool, other: str = 'learnt') -> str:
-            return 'none' if not value else 'given' if is_given else other
+        def way(value: float, in_origin: bool, other: str = 'learnt') -> str:
+            return 'none' if not value else 'given' if in_origin else other
 
         # All others have the names of the chain's parameters.
         values = vars(chain) | {
             **_band(chain.passband_hz),
-            'stopbands': 'given' if chain.stopbands_hz == given.stopbands_hz else 'none',
+            'stopbands': 'given' if chain.stopbands_hz == origin.stopbands_hz else 'none',
             'floors': floors,
             'floor_scale': 1.0,
             'cap_above_db': chain.evidence_cap_db - chain.evidence_offset_db,
-            'impact': way(chain.impact_v, chain.impact_v == given.impact_v),
+            'impact': way(chain.impact_v, chain.impact_v == origin.impact_v),
             'impact_scale': IMPACT_SCALES[-1],
-            'contact': way(chain.contact_level_v, chain == given),
-            'activity': way(chain.activity_cap_db, chain == given, 'searched'),
+            'contact': way(chain.contact_level_v, chain == origin),
+            'activity': way(chain.activity_cap_db, chain == origin, 'searched'),
             'activity_cap_db': chain.activity_cap_db or ACTIVITY_CAP_DB,
         }
-        return {name: _nearest(one, values[name]) for name, one in self.distributions.items()}
+        return {name: _nearest(among, values[name]) for name, among in self.distributions.items()}
 
     def distance(self, point: dict[str, Any], other: dict[str, Any]) -> float:
         """Return the distance of two points: 1 for another choice, or for a parameter's range.
@@ -318,7 +318,9 @@ class SearchSpace:
         The parameters of a decision count only where both points have this decision.
         """
         decisions, steps = {point['decision'], other['decision']}, []
-        left_out = [names for one, names in DECISION_PREFIXES.items() if decisions != {one}]
+        left_out = [
+            names for decision, names in DECISION_PREFIXES.items() if decisions != {decision}
+        ]
         for name, allowed in self.distributions.items():
             a, b = point[name], other[name]
             if any(map(name.startswith, left_out)):
@@ -339,8 +341,8 @@ class SearchSpace:
         A preset gives bands, windows and the parameters of evidence; noise floors and the steps
         of impacts are learnt from the sensor that is tuned.
         """
-        given = self.point(self._given)
-        points = [given, {**given, 'floors': 'learnt'}]
+        origin = self.point(self._origin)
+        points = [origin, {**origin, 'floors': 'learnt'}]
         for point in map(self.point, presets()):
             points += [] if point in points else [point]
         return points
@@ -352,8 +354,8 @@ class SearchSpace:
         recordings of kinds teach; then each of that, and evidence itself.
         """
         allowed = self.distributions
-        bands, _ = measuring.slip_bands(self._given, self._tracks)
-        decisions = (MEAN, *EVIDENCES, *({**one, **TOGETHER} for one in EVIDENCES))
+        bands, _ = measuring.slip_bands(self._origin, self._tracks)
+        decisions = (MEAN, *EVIDENCES, *({**evidence, **TOGETHER} for evidence in EVIDENCES))
         of_bands = itertools.product(bands, WINDOWS_S, decisions)
         impacts = {'impact_s': IMPACTS_S[::2], 'impact_scale': IMPACT_SCALES}
         stages = [
@@ -393,9 +395,9 @@ def _band(band_hz: tuple[float, float]) -> dict[str, Any]:
     return {'passband_low_hz': low_hz, 'passband_octaves': octaves}
 
 
-def _ways(is_given: object, *others: str) -> tuple[str, ...]:
-    """Return the choices of what may be as it is given, if it is given."""
-    return ('given', *others) if is_given else others
+def _ways(in_origin: object, *others: str) -> tuple[str, ...]:
+    """Return the choices of a stage that may stay as in the origin, if that has it."""
+    return ('given', *others) if in_origin else others
 
 
 def _nearest(allowed: Any, value: Any) -> Any:
@@ -405,5 +407,5 @@ def _nearest(allowed: Any, value: Any) -> Any:
     if value in allowed.choices:
         return value
     if isinstance(value, int):
-        return min(allowed.choices, key=lambda one: abs(one - value))
+        return min(allowed.choices, key=lambda choice: abs(choice - value))
     return 0.0 if 0.0 in allowed.choices else 'none'

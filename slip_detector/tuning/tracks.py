@@ -30,9 +30,8 @@ from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.matching import RowInterval
 from slip_detector.evaluation.scores import SLIP, row_classes
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.fields import name_list, refuse
-from slip_detector.recordings import RecordingCounts, recording_sets
+from slip_detector.parameters import ChainConfig, name_list, refuse
+from slip_detector.recordings import RecordingCounts, group_recordings
 
 #: Share of the time of a single recording that is tuned on; the rest is held out.
 TUNED_SHARE = 2 / 3
@@ -146,7 +145,7 @@ def at_rest(tracks: Sequence[Track]) -> Sequence[Track]:
     return [track for track in tracks if track.kind in ('', 'rest')] or tracks
 
 
-def enabled(columns: Floats, chain: ChainConfig) -> Floats:
+def drop_disabled(columns: Floats, chain: ChainConfig) -> Floats:
     """Return the columns of the channels that a chain has not disabled."""
     return np.delete(columns, [channel - 1 for channel in chain.disabled_channels], axis=1)
 
@@ -172,7 +171,7 @@ def envelopes(chain: ChainConfig, track: Track, most_rows: int | None = None) ->
     return found
 
 
-def held_out(tracks: Sequence[Track]) -> tuple[list[Track], list[Track]]:
+def hold_out_tracks(tracks: Sequence[Track]) -> tuple[list[Track], list[Track]]:
     """Divide recordings into those that are tuned on and those that are held out.
 
     Of several recordings with slip every third is held out, and likewise of each kind of those
@@ -182,7 +181,7 @@ def held_out(tracks: Sequence[Track]) -> tuple[list[Track], list[Track]]:
     Examples
     --------
     >>> rows = [Samples.evenly(np.zeros((4, 1)), 2.0, truth=[False, True, True, False])]
-    >>> training, held = held_out([track_of(name, rows, 2.0) for name in 'abc'])
+    >>> training, held = hold_out_tracks([track_of(name, rows, 2.0) for name in 'abc'])
     >>> [track.name for track in training], [track.name for track in held]
     (['a', 'c'], ['b'])
     """
@@ -254,8 +253,8 @@ def load_tracks(
         When a recording cannot be read, does not suit the chain, does not exist, or has slips that
         recordings of its kind do not have; names it.
     """
-    sets = recording_sets(paths)
-    unwanted = {file.resolve() for files in recording_sets(left_out).values() for file in files}
+    sets = group_recordings(paths)
+    unwanted = {file.resolve() for files in group_recordings(left_out).values() for file in files}
     tracks = []
     for folder, files in sets.items():
         for file in (file for file in files if file.resolve() not in unwanted):
@@ -297,7 +296,7 @@ def _name_faults(counts: RecordingCounts) -> str:
         'rows dropped': counts.dropped,
     }
     parts = [f'{number} {what}' for what, number in numbers.items() if number > 0]
-    return ', '.join(filter(None, [*parts, counts.damage, counts.doubts]))
+    return ', '.join(filter(None, [*parts, counts.damage]))
 
 
 class TrainingFiles(NamedTuple):
@@ -345,7 +344,7 @@ class TrainingFiles(NamedTuple):
         left_out = [f'Left out: {name_list(files, 3)}: {why}' for why, files in unusable.items()]
         notes = left_out + faults_of(training + held)
         if not self.left_out:
-            training, held = held_out(training)
+            training, held = hold_out_tracks(training)
         # Of a kind without a held-out recording the end of the last recording is held out.
         lacking = {track.kind for track in training} - {track.kind for track in held}
         for kind in sorted(lacking - {''}):

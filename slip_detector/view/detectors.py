@@ -27,8 +27,7 @@ import numpy as np
 from scipy.spatial.distance import pdist
 
 from slip_detector.chain.samples import Bools, Floats
-from slip_detector.parameters.detector import FIXED_PARAMETERS, DetectorConfig
-from slip_detector.parameters.fields import quote
+from slip_detector.parameters import FIXED_PARAMETERS, DetectorConfig, quote
 from slip_detector.view.track import LiveTrack, Spectrum, spectrum
 
 #: Missing heartbeats after which a detector counts as ended or hung.

@@ -18,7 +18,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from slip_detector.parameters.fields import quote, refuse
+from slip_detector.parameters import quote, refuse
 
 #: The content of a message of a page, which is not trusted.
 Message = Mapping[str, Any]

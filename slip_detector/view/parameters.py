@@ -30,11 +30,21 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
-from slip_detector.parameters.detector import FIXED_PARAMETERS, NODE_PARAMETERS, DetectorConfig
-from slip_detector.parameters.fields import allowed, quote, refuse, shortened, under_headings
-from slip_detector.parameters.files import shared_folder, writable_folder
-from slip_detector.parameters.sections import parameter_file
-from slip_detector.parameters.yaml_files import parsed_yaml, write_yaml
+from slip_detector.parameters import (
+    FIXED_PARAMETERS,
+    NODE_PARAMETERS,
+    DetectorConfig,
+    allowed,
+    parameter_file,
+    parsed_yaml,
+    quote,
+    refuse,
+    shared_folder,
+    shortened,
+    under_headings,
+    writable_folder,
+    write_yaml,
+)
 from slip_detector.view.detectors import Finger, Values
 from slip_detector.view.server import Server
 

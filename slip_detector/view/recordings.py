@@ -37,10 +37,14 @@ from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.matching import OnIntervals
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.fields import quote, refuse
-from slip_detector.parameters.files import file_errors_of
-from slip_detector.parameters.fitting import rates_differ
+from slip_detector.parameters import (
+    ChainConfig,
+    DetectorConfig,
+    file_errors_of,
+    quote,
+    rates_differ,
+    refuse,
+)
 from slip_detector.recordings import Recording, labels, open_recording
 from slip_detector.recordings.writing import BagWriter
 from slip_detector.report.overview import MOST_CELLS, THRESHOLD_CODE, Overview

@@ -33,7 +33,7 @@ from tornado import web, websocket
 from tornado.httpserver import HTTPServer
 
 from slip_detector.commands.command_line import one_line
-from slip_detector.parameters.fields import refuse
+from slip_detector.parameters import refuse
 from slip_detector.view.access import Access, Connections
 from slip_detector.view.detectors import Detectors, Finger
 from slip_detector.view.messages import Message, check

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.parameters.fields import quote, refuse
+from slip_detector.parameters import quote, refuse
 from slip_detector.view.detectors import Finger
 from slip_detector.view.hand_labels import HandLabels
 from slip_detector.view.recordings import KINDS, RecordedFolder, Recorder, RecordingSummary

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from slip_detector.chain.samples import Bools, Floats, Samples, Stamps
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters import ChainConfig
 
 #: Seconds of the past that are kept, unless they need more than this memory.
 KEPT_S = 60.0

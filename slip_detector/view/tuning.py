@@ -24,9 +24,7 @@ from pathlib import Path
 from subprocess import PIPE, STDOUT
 from typing import IO, Any, cast
 
-from slip_detector.parameters.detector import NODE_PARAMETERS, DetectorConfig
-from slip_detector.parameters.files import writable_folder
-from slip_detector.parameters.yaml_files import write_yaml
+from slip_detector.parameters import NODE_PARAMETERS, DetectorConfig, writable_folder, write_yaml
 from slip_detector.view.detectors import Values
 from slip_detector.view.recordings import RecordedFolder
 

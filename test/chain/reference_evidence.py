@@ -97,16 +97,45 @@ def low_band(config):
     return config.activity_band_hz if looked_at else None
 
 
-def rows_that_count(ok, valid, settle_rows):
-    """Return where a channel's envelope is meaningful.
+def least_floors_db(config):
+    """Return the least floor of each channel, NaN where none is given.
 
-    There the channel is valid, and its first good sample is at least ``settle_rows`` back.
+    Where the number of given ones is not that of the channels, all have the first.
     """
-    counts = np.zeros(valid.shape, dtype=bool)
+    given = list(config.noise_floor) or [np.nan]
+    if len(given) != config.channels:
+        given = given[:1] * config.channels
+    return decibels(np.array(given))
+
+
+def rows_that_move(volts, ok, envelope, config):
+    """Return in which rows a channel tells of its noise.
+
+    Those are all with a good sample where floors are given, else those whose good sample is not
+    the last good one, and whose envelope is not 0.
+    """
+    moves = ok.copy()
+    if config.noise_floor:
+        return moves
+    for column in range(volts.shape[1]):
+        rows = np.flatnonzero(ok[:, column])
+        moves[rows, column] = np.diff(volts[rows, column], prepend=volts[rows[:1], column]) != 0
+    return moves & (envelope > 0)
+
+
+def rows_that_settled(moves, valid, settle_rows):
+    """Return where a channel is valid, and first moved at least ``settle_rows`` rows before."""
+    settled = np.zeros(valid.shape, dtype=bool)
     for column in range(valid.shape[1]):
-        for first in np.flatnonzero(ok[:, column])[:1]:
-            counts[first + settle_rows :, column] = valid[first + settle_rows :, column]
-    return counts
+        for first in np.flatnonzero(moves[:, column])[:1]:
+            settled[first + settle_rows :, column] = valid[first + settle_rows :, column]
+    return settled
+
+
+def rows_with_floor(moving, config):
+    """Return where a channel has a floor: a learnt one always, another once it has moved."""
+    learnt = config.noise_floor_learnt and len(config.noise_floor) > 0
+    return learnt | (np.cumsum(moving, axis=0) > 0)
 
 
 def decibels(envelope):
@@ -135,11 +164,15 @@ def lifted_floors(floors_db, low, moves, config):
     return np.where(moves, lifted, floors_db)
 
 
-def common_excess(level_db, bare_floors_db, counts, rank):
-    """Return what even the channel of a rank, from the quietest on, is above its floor, in dB."""
+def common_excess(level_db, bare_floors_db, begun, settled, rank):
+    """Return what even the channel of a rank, from the quietest on, is above its floor, in dB.
+
+    A channel that has settled but has no floor yet is not above it.
+    """
     common = np.zeros(len(level_db))
+    over_db = np.where(begun, level_db - bare_floors_db, 0.0)
     for row in range(len(level_db)):
-        over = np.sort((level_db - bare_floors_db)[row, counts[row]])
+        over = np.sort(over_db[row, settled[row]])
         if 0 < rank < len(over):
             common[row] = max(over[rank - 1], 0.0)
     return common

@@ -48,14 +48,25 @@ def test_json_has_the_figures_of_each_recording_of_each_set_and_of_all(capsys, t
     assert re.search(rows, shown, re.M)
 
 
-def test_folders_in_a_folder_with_recordings_are_said_to_be_left_out(capsys, tmp_path):
+@pytest.mark.parametrize('jobs', ['1', '2'])
+def test_what_cannot_be_used_of_a_folder_and_those_in_it_is_left_out_with_a_line(
+    capsys, tmp_path, jobs
+):
     write(tmp_path / 'a.npz')
     write(tmp_path / 'in' / 'b.npz')
-    assert main([str(tmp_path)]) == 0
-    left = f'Left out, as they are not given: {tmp_path / "in"}'
-    assert left in capsys.readouterr().out.splitlines()
-    assert main([str(tmp_path), str(tmp_path / 'in')]) == 0
-    assert 'Left out' not in capsys.readouterr().out
+    write(tmp_path / 'other.npz', channels=3)
+    (tmp_path / 'broken.npz').write_text('time_s,a')
+    words = [str(tmp_path), '--jobs', jobs]
+    assert main(words) == 0
+    said = capsys.readouterr().out.splitlines()
+    wrong = f'{tmp_path / "other.npz"}: has 3 channels, allowed: 16, the parameter channels'
+    assert f'Left out: {wrong}' in said
+    broken = f'{tmp_path / "broken.npz"}: is cut off, or no npz, allowed: what numpy.savez writes'
+    assert f'Left out: {broken}' in said
+    assert main([*words, '--json']) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert list(report['sets']) == [tmp_path.name, 'in']
+    assert report['left_out'][str(tmp_path / 'other.npz')] == wrong
 
 
 def test_decisions_that_mean_nothing_are_warned_of_in_line_json_and_report(capsys, tmp_path):
@@ -95,14 +106,15 @@ def test_a_report_that_cannot_be_written_is_refused_before_anything_is_read(caps
     assert line == f'{tmp_path}: cannot be written (is no file)'
 
 
-def test_no_recordings_and_one_given_twice_are_refused_in_one_line(capsys, tmp_path):
-    path = write(tmp_path / 'in' / 'a.npz')
-    (tmp_path / 'empty').mkdir()
-    assert complaint(capsys, tmp_path / 'empty') == (
-        f'{tmp_path / "empty"}: has no recordings, '
-        'allowed: .npz, .csv, .mcap, .db3, .bag, .zstd or bags'
+def test_labels_that_are_not_there_are_refused_before_anything_is_read(capsys, tmp_path):
+    line = complaint(capsys, tmp_path / 'not there.npz', '--labels', tmp_path / 'no')
+    assert line == f'--labels {tmp_path / "no"}: cannot be read (No such file or directory)'
+
+
+def test_a_folder_without_recordings_is_refused_in_one_line(capsys, tmp_path):
+    assert complaint(capsys, tmp_path) == (
+        f'{tmp_path}: has no recordings, allowed: .npz, .csv, .mcap, .db3, .bag or folders of bags'
     )
-    assert complaint(capsys, path, path.parent) == f'{path}: is given twice, allowed: each once'
 
 
 def test_an_interrupt_leaves_what_was_evaluated(capsys, tmp_path, monkeypatch):

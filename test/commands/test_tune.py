@@ -82,6 +82,8 @@ REFUSED = [
     ('nix.npz --out o.yaml', 'nix.npz: ', 1),
     ('still.npz --out o.yaml', 'still.npz: too few slips', 1),
     ('a.npz --out o.yaml --storage s --report s', '--report s: is read too', 1),
+    ('a.npz --out given.yaml', '--out given.yaml: is read too, allowed: a file of its own', 1),
+    ('a.npz --out o.yaml --seed x', "--seed: is 'x', allowed: a whole number, 0 to ", 2),
     ('--quiet still.npz --out o.yaml', 'parameter decision is mean, allowed: evidence', 1),
     ('a.npz --false-alarms-per-hour 1 --out o.yaml', 'goes with --quiet', 2),
     ('a.npz --quiet still.npz --out o.yaml', 'no RECORDING with it', 2),

@@ -70,12 +70,13 @@ def test_options_replace_parameters_of_recordings(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     given = RecordingConfig(recording_topic='/mine', recording_labels='by_hand')
     write_yaml(tmp_path / 'c.yaml', given.to_document())
+    (tmp_path / 'l.yaml').touch()
 
     def recording_config(*words):
         parser = argparse.ArgumentParser()
         workers.add_options(parser, 'work')
         options = parser.parse_args(['--config', 'c.yaml', *words])
-        return workers.with_options(options, RecordingLoader()).recording_config
+        return workers.apply_options(options, RecordingLoader()).recording_config
 
     assert recording_config() == given
     words = ['--topic', '/biotac', '--field', 'pac', '--labels', 'l.yaml', '--resample']

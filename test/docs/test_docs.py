@@ -21,7 +21,6 @@ import numpy as np
 import pytest
 import yaml
 
-from slip_detector.nodes.view import _parser as view_options
 from slip_detector.parameters.sections import set_of
 from slip_detector.recordings.labels import read_labels
 from slip_detector.scenes import load_scene
@@ -102,6 +101,7 @@ def test_every_file_that_is_shown_is_a_good_one(name, text, tmp_path):
 def test_the_options_of_the_live_page_are_those_of_its_command():
     text = (DOCS / 'live_page.md').read_text(encoding='utf-8')
     rows = dict(re.findall(r'^\| `(--[\w-]+)` \| `?(.*?)`? \|', text, re.M))
+    view_options = pytest.importorskip('slip_detector.nodes.view')._parser
     options = {
         action.option_strings[-1]: action.default
         for action in view_options()._actions

@@ -144,7 +144,7 @@ def paper_figures():
 
 def grasp_figures():
     """Return what ``slip_grasp`` writes about two objects in simulated time."""
-    command = [sys.executable, '-m', 'slip_detector.nodes.grasp_demo']
+    command = [sys.executable, '-m', 'slip_detector.nodes.run', 'slip_grasp']
     with tempfile.TemporaryDirectory() as folder:
         words = ['--seeds', '2', '--live', '0', '--out', folder]
         subprocess.run([*command, *words], check=True, stdout=subprocess.DEVNULL)

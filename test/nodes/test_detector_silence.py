@@ -76,6 +76,7 @@ class ByHand(Detector):
     get_logger, destroy_publisher, destroy_subscription = Mock(), Mock(), Mock()
     get_fully_qualified_name = Mock(return_value='/slip_detector')
     get_publishers_info_by_topic = Mock(return_value=[])
+    resolve_topic_name = Mock(return_value='voltages')
     # The machine's clock, how far behind it the replayed one is, if time is replayed, and timers.
     now_s, behind_s, due = 1e6, None, ()
 

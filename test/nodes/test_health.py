@@ -17,34 +17,51 @@
 import dataclasses
 import math
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from slip_detector.nodes.health import ERROR, OK, WARN, Health
+from slip_detector.nodes.health import ERROR, OK, WARN, Health, Note
+from slip_detector.nodes.inputs import Senders
 from slip_detector.parameters.detector import DetectorConfig
 
 CONFIG = DetectorConfig(valid_range_v=(0.0, 5.0))
 
 
-def feed(health, rows, first=0, rate_hz=380.0, valid=None, age_s=0.001):
-    """Note rows one by one, as the node does."""
-    valid = np.isfinite(rows) & (rows >= 0) & (rows <= 5) if valid is None else valid
-    for k, row in enumerate(rows):
-        stamp_ns = 10**18 + round((first + k) * 1e9 / rate_hz)
-        health.note_rows(row[None], valid[k][None], stamp_ns, age_s, 1e-4)
+class Observed(Health):
+    """The health of a detector whose chain, outputs and stamps are as a test says."""
+
+    def __init__(self, config=CONFIG):
+        self.chain = SimpleNamespace(config=config, look=dict)
+        self.outputs = SimpleNamespace(slip=False, valid=True, onsets=0)
+        self.stamps = SimpleNamespace(kind='regular', wrong=0)
+        super().__init__(self.chain, self.outputs)
+        self.senders = self.detectors = Senders(lambda: 1.0)
+        self.forget(self.stamps)
+
+    def feed(self, rows, first=0, rate_hz=380.0, valid=None, age_s=0.001):
+        """Note rows one by one, as the node does."""
+        valid = np.isfinite(rows) & (rows >= 0) & (rows <= 5) if valid is None else valid
+        for k, row in enumerate(rows):
+            stamp_ns = 10**18 + round((first + k) * 1e9 / rate_hz)
+            self.note(Note(row[None], valid[k][None], stamp_ns, age_s, 1e-4))
+
+    def sum_up(self):
+        """Sum up a second; return the statuses of the four tasks."""
+        self._summed_s = time.monotonic() - 1.0
+        statuses = self.summary()
+        names = [status.name for status in statuses]
+        assert names == ['input', 'timing', 'channels', 'decisions']
+        return statuses
 
 
 def good(n):
     return 2.0 + 0.01 * np.random.default_rng(0).standard_normal((n, 16))
 
 
-def sum_up(health, slip=False, valid=True):
-    """Sum up a second; return the statuses of input, channels and decisions, and their levels."""
-    health._summed_s = time.monotonic() - 1.0
-    statuses = health.summary(slip, valid)
-    assert [status.name for status in statuses] == ['input', 'channels', 'decisions']
-    return statuses, [status.level for status in statuses]
+def levels(statuses):
+    return [status.level for status in statuses]
 
 
 def values(status):
@@ -52,49 +69,63 @@ def values(status):
 
 
 def test_all_is_well():
-    health = Health(CONFIG)
+    health = Observed()
+    health.outputs.slip = True
     for second in range(2):
-        feed(health, good(380), 380 * second)
-        statuses, levels = sum_up(health, slip=True)
-    assert levels == [OK] * 3
-    said = '380.0 samples a second', 'all 16 channels are valid', 'slip is ON'
+        health.feed(good(380), 380 * second)
+        statuses = health.sum_up()
+    assert levels(statuses) == [OK] * 4
+    said = (
+        '380 samples since the last report',
+        '380.0 samples a second',
+        'all 16 channels are valid',
+        'slip is ON',
+    )
     assert tuple(status.message for status in statuses) == said
-    assert values(statuses[0])['measured rate [Hz]'] == '380.00'
-    assert values(statuses[1])['valid now'] == '16 of 16'
-    assert values(statuses[2])['time per row [ms]'] == '0.100'
+    of_input, timing, channels, decisions = map(values, statuses)
+    assert of_input['samples'] == '760'
+    assert timing['measured rate [Hz]'] == '380.00'
+    assert channels['valid now'] == '16 of 16'
+    assert decisions['time per row [ms]'] == '0.100'
 
 
 @pytest.mark.parametrize(('before', 'after'), [(0.975, 0.975), (1.0, 0.975), (1.0, 1.1)])
 def test_a_rate_off_by_more_than_2_percent_is_an_error_within_5_seconds(before, after):
-    health, end_s, statuses = Health(CONFIG), 0.0, []
+    health, end_s, statuses = Observed(), 0.0, []
     for second in range(8):
         rate_hz = 380 * (before if second < 3 else after)
         rows = good(round(rate_hz))
-        feed(health, rows, first=end_s * rate_hz, rate_hz=rate_hz)
+        health.feed(rows, first=end_s * rate_hz, rate_hz=rate_hz)
         end_s += len(rows) / rate_hz
-        statuses.append(sum_up(health)[0][0])
-    assert [status.level for status in statuses[:3]] == [OK if before == 1.0 else ERROR] * 3
+        statuses.append(health.sum_up()[1])
+    assert levels(statuses[:3]) == [OK if before == 1.0 else ERROR] * 3
     assert statuses[-1].level == ERROR
     assert float(values(statuses[-1])['measured rate [Hz]']) == pytest.approx(380 * after, 1e-3)
 
 
 def test_other_publishers_and_warnings_of_the_chain_are_named():
-    health = Health(CONFIG)
-    health.senders = ['/index/slip_driver', '/slip_driver']
-    health.detectors = ['/slip_detector', '/slip_detector']
-    health.warnings = ['noise floor of ch1 at its upper limit: learn it']
-    feed(health, good(380))
-    (of_input, _, decisions), levels = sum_up(health, valid=False)
-    assert of_input.message == (
-        'the input is published by /index/slip_driver, /slip_driver: only one of them may'
-    )
-    assert 'slip is published by /slip_detector, /slip_detector:' in decisions.message
-    assert 'slip_valid is false' in decisions.message
-    assert levels == [ERROR, OK, ERROR]
-    health.senders = health.detectors = []
-    feed(health, good(380), 380)
-    (_, _, decisions), levels = sum_up(health)
-    assert (levels, decisions.message) == ([OK, OK, WARN], health.warnings[0])
+    health = Observed()
+    names = ['/index/slip_driver', '/slip_driver']
+    health.senders = Senders(lambda: 1.0, 'the input', lambda: names)
+    health.detectors = Senders(lambda: 1.0, 'slip', lambda: ['/slip_detector'] * 2)
+    for each in (health.senders, health.detectors):
+        each.accepts(None, publishers=2)
+    health.chain.look = lambda: {'upper': [0]}
+    health.outputs.valid = False
+    health.feed(good(380))
+    statuses = health.sum_up()
+    said = 'the input is published by /index/slip_driver, /slip_driver: only one of them may'
+    assert statuses[0].message == said
+    assert 'slip is published by /slip_detector, /slip_detector:' in statuses[3].message
+    assert 'slip_valid is false' in statuses[3].message
+    assert levels(statuses) == [ERROR, OK, OK, ERROR]
+    for each in (health.senders, health.detectors):
+        each.accepts(None, publishers=1)
+    health.outputs.valid = True
+    health.feed(good(380), 380)
+    statuses = health.sum_up()
+    assert levels(statuses) == [OK, OK, OK, WARN]
+    assert statuses[3].message.startswith('noise floor of ch1 at its upper limit')
 
 
 @pytest.mark.parametrize(
@@ -111,9 +142,9 @@ def test_a_channel_that_gives_nothing_is_named_unless_it_is_disabled(value, kind
     rows[100:, 4] = value
     valid[100:, 4] = value == 5.0
     for disabled in (False, True):
-        health = Health(dataclasses.replace(CONFIG, disabled_channels=(5,) * disabled))
-        feed(health, rows, valid=valid)
-        (_, status, _), _ = sum_up(health)
+        health = Observed(dataclasses.replace(CONFIG, disabled_channels=(5,) * disabled))
+        health.feed(rows, valid=valid)
+        status = health.sum_up()[2]
         assert status.level == (OK if disabled else WARN)
         assert values(status)[kind] == ('-' if disabled else 'ch5')
         assert disabled or status.message.startswith(f'{kind}: ch5: ')
@@ -123,45 +154,49 @@ def test_a_channel_that_gives_nothing_is_named_unless_it_is_disabled(value, kind
 
 
 def test_what_was_lost_is_complained_of_once_and_counted_on():
-    health = Health(CONFIG)
-    feed(health, good(100))
+    health = Observed()
+    health.feed(good(100))
     health.totals['lost and bridged'] += 7
     health.totals['dropped, wrong number of channels'] += 1
-    (status, *_), _ = sum_up(health)
+    status = health.sum_up()[0]
     assert status.level == ERROR
     worst, other = status.message.split('; ')
     assert worst == '1 samples dropped: not as many channels as configured'
     assert other.startswith('7 samples lost and bridged')
-    feed(health, good(100), 100)
-    (status, *_), _ = sum_up(health)
+    health.feed(good(100), 100)
+    status = health.sum_up()[0]
     assert (status.level, values(status)['lost and bridged']) == (OK, '7')
 
 
 def test_that_nothing_has_been_heard_is_no_error_at_first():
-    health = Health(CONFIG)
-    assert sum_up(health, valid=False)[1] == [WARN] * 3
+    health = Observed()
+    health.outputs.valid = False
+    assert levels(health.sum_up()) == [WARN, OK, WARN, WARN]
     health._begun_s -= 3.0
-    assert sum_up(health, valid=False)[1] == [ERROR] * 3
+    statuses = health.sum_up()
+    assert levels(statuses) == [ERROR, OK, ERROR, ERROR]
+    assert statuses[1].message == 'no samples'
     # Of samples that are dropped it is not said that none come.
     health.totals['dropped, wrong names'] += 2
     words = '2 samples dropped: other channel names than before or configured'
-    assert sum_up(health, valid=False)[0][0].message == words
+    assert health.sum_up()[0].message == words
 
 
 def test_what_is_odd_about_the_stamps_is_said():
-    health = Health(CONFIG)
-    health.stamps = 'coarse'
-    feed(health, good(100), age_s=10.0)
-    (status, *_), _ = sum_up(health)
-    assert 'stamps are coarse: rows are counted' in status.message
-    assert 'stamps are 10.0 s behind the clock' in status.message
-    assert (status.level, values(status)['stamps']) == (WARN, 'coarse')
+    health = Observed()
+    health.stamps.kind, health.stamps.wrong = 'coarse', 3
+    health.feed(good(100), age_s=10.0)
+    of_input, timing, *_ = health.sum_up()
+    assert of_input.message.startswith('3 samples taken in their order: the stamp is later')
+    assert 'stamps are coarse: rows are counted' in timing.message
+    assert 'stamps are 10.0 s behind the clock' in timing.message
+    assert (timing.level, values(timing)['stamps']) == (WARN, 'coarse')
 
 
 def test_a_slow_sensor_is_not_taken_for_one_that_loses_samples():
-    health = Health(CONFIG)
+    health = Observed()
     for k, row in enumerate(good(300)):  # Each eighth sample comes after a bridged row.
         rows = np.repeat(row[None], 2 if k % 8 == 7 else 1, axis=0)
         health.totals['lost and bridged'] += len(rows) - 1
-        health.note_rows(rows, np.ones(rows.shape, bool), round(k * 1e9 / 300), 0.001, 1e-4)
-    assert values(sum_up(health)[0][0])['measured rate [Hz]'] == '300.00'
+        health.note(Note(rows, np.ones(rows.shape, bool), round(k * 1e9 / 300), 0.001, 1e-4))
+    assert values(health.sum_up()[1])['measured rate [Hz]'] == '300.00'

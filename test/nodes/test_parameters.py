@@ -91,14 +91,14 @@ def test_a_section_is_taken_where_ros_takes_it_and_for_another_name(
 
 
 @pytest.mark.parametrize('node', NODES)
-def test_an_unknown_name_keeps_the_node_it_is_given_to_from_starting(bench, tmp_path, node):
+def test_a_wrong_parameter_keeps_the_node_it_is_given_to_from_starting(bench, tmp_path, node):
     file = tmp_path / 'typo.yaml'
     file.write_text(f'/**/{node}:\n  ros__parameters: {{missed_costs_ms: 1.0}}\n')
     line = bench.start(node, '--params-file', file).refusal()
-    assert line.startswith(
-        f'{node}: unknown parameter missed_costs_ms = 1.0; it is a parameter of'
-    )
-    line = bench.start(node, '-p', f'{node}:robot_name:=a').refusal()
+    said = f'{file}: unknown parameter missed_costs_ms = 1.0; it is a parameter of'
+    assert line.startswith(f'{node}: {said}')
+    file.write_text(f'/**/{node}:\n  ros__parameters: {{use_sim_time: false}}\n')
+    line = bench.start(node, '--params-file', file, '-p', f'{node}:robot_name:=a').refusal()
     assert line.startswith(f'{node}: unknown parameter robot_name = ')
 
 

@@ -33,6 +33,7 @@ from std_msgs.msg import Bool
 
 from slip_detector.nodes.messages import event_qos
 from slip_detector.nodes.rclpy_internals import (
+    MESSAGES_A_TURN,
     SampleExecutor,
     destroy_state_machine,
     survive_requests,
@@ -116,6 +117,25 @@ def test_messages_timers_and_services_are_served(context):
     executor.shutdown()
     for each in (node, served):
         each.destroy_node()
+
+
+def test_a_topic_of_many_messages_lets_others_have_their_turn(context):
+    node, heard = Node('of_test', context=context), []
+    executor = SampleExecutor(context)
+    executor.add_node(node)
+    node.create_subscription(Bool, 'said', heard.append, event_qos(100))
+    publisher = node.create_publisher(Bool, 'said', event_qos(100))
+    while not publisher.get_subscription_count():
+        executor.spin_once(0.01)
+    for _ in range(MESSAGES_A_TURN + 1):
+        publisher.publish(Bool())
+    assert publisher.wait_for_all_acked()
+    executor.spin_once()
+    assert len(heard) == MESSAGES_A_TURN == 32
+    executor.spin_once()
+    assert len(heard) == MESSAGES_A_TURN + 1
+    executor.shutdown()
+    node.destroy_node()
 
 
 LEAVING = """

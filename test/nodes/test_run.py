@@ -26,7 +26,7 @@ from std_msgs.msg import Bool
 from slip_detector.compiled import COMPILED
 from slip_detector.nodes.launching import transport_environment
 from slip_detector.nodes.messages import state_qos
-from slip_detector.nodes.run import _arguments_of_each
+from slip_detector.nodes.spinning import _arguments_of_each
 from support.harness import ROOT, compile_nodes
 from support.python_runs import run_python
 
@@ -70,18 +70,11 @@ def test_a_node_that_ends_says_goodbye(bench, executable, parameters, said):
 
 
 @pytest.mark.parametrize(
-    ('module', 'start', 'name'),
-    [
-        ('run', 'driver', 'slip_driver'),
-        ('view', 'main', 'slip_view'),
-        ('demo', 'main', 'slip_demo'),
-    ],
+    ('start', 'name'), [('driver', 'slip_driver'), ('view', 'slip_view'), ('demo', 'slip_demo')]
 )
-def test_without_rclpy_one_line_says_what_is_needed(module, start, name):
+def test_without_rclpy_one_line_says_what_is_needed(start, name):
     begin = "import sys; sys.modules['rclpy'] = None"
-    done = run_python(
-        '-c', f'{begin}; from slip_detector.nodes.{module} import {start}; {start}()'
-    )
+    done = run_python('-c', f'{begin}; from slip_detector.nodes import run; run.{start}()')
     assert done.returncode == 1
     assert re.fullmatch(rf'{name}: needs ROS 2 \(.*rclpy.*\): source .*\n', done.stderr)
 
@@ -94,11 +87,13 @@ def test_without_rclpy_one_line_says_what_is_needed(module, start, name):
         (['slip_detector', '--ros-args', '-r', '__ns:=/1'], 'Failed to parse ROS arguments: '),
         (['slip_detector', '--ros-args', '-r', f'__ns:=/{"a" * 300}'], ''),
         (['slip_detector', '--ros-args', 'bogus'], ''),
+        (['slip_demo', '--seed', '-1'], 'argument --seed: is '),
+        (['slip_grasp', '--seeds', '1:0'], 'argument --seeds: is 1:0, allowed: N, at least 1'),
     ],
 )
 def test_a_word_that_is_not_known_or_allowed_stops_the_start_with_one_line(words, said):
     done = run(*words)
-    assert done.returncode == (2 if 'unrecognized' in said else 1)
+    assert done.returncode == (2 if said.startswith(('unrecognized', 'argument')) else 1)
     assert done.stderr.splitlines()[-1].startswith(f'{words[0]}: {said}')
     assert 'Traceback' not in done.stderr
 
@@ -207,3 +202,23 @@ def test_a_transport_is_refused_beside_a_profile_that_may_give_another(monkeypat
     assert transport_environment('') == {}
     with pytest.raises(ValueError, match="transport is 'udp', allowed: none beside FAST"):
         transport_environment('udp')
+
+
+SIGNALLED = """
+import signal, time
+from slip_detector.nodes.ending import END_SIGNAL, end_on_signals, init_ros
+
+end_on_signals()
+{begin}
+for number in (signal.SIGINT, signal.SIGTERM, signal.SIGINT):
+    signal.raise_signal(number)
+END_SIGNAL.wait()
+print('is to end', flush=True)
+time.sleep(3600)
+"""
+
+
+@pytest.mark.parametrize(('begin', 'said'), [('', ''), ('init_ros()', 'is to end\n')])
+def test_a_process_ends_at_once_or_is_asked_to_and_ends_soon_whatever_it_does(begin, said):
+    done = run_python('-c', SIGNALLED.format(begin=begin), timeout=60.0)
+    assert (done.returncode, done.stdout, done.stderr) == (0, said, '')

@@ -94,7 +94,7 @@ def test_a_scene_is_played_and_all_ends_with_a_signal(bench, tmp_path):
 
 def test_when_a_node_of_the_scene_ends_so_does_the_page(bench):
     words = ['--scene', 'plate_400um', '--fingers', 'thumb,thumb']
-    process = bench.start_python('-m', 'slip_detector.nodes.view', '--port', '0', *words)
+    process = bench.start_executable('slip_view', '--port', '0', *words)
     assert process.wait() == 1
     last = process.lines()[-1]
     assert re.fullmatch('slip_view: slip_(detector|driver) ended with the exit code 1', last)
@@ -120,7 +120,7 @@ def test_beyond_loopback_the_printed_address_has_a_token_and_a_signal_ends_it(be
     ],
 )  # fmt: skip
 def test_what_is_impossible_is_refused_in_one_line(bench, words, code, said):
-    process = bench.start_python('-m', 'slip_detector.nodes.view', *words)
+    process = bench.start_executable('slip_view', *words)
     assert process.wait() == code
     (line,) = process.lines()
     assert line.startswith('slip_view: ')

@@ -23,12 +23,12 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
+from std_msgs.msg import String
 
-from slip_detector.nodes.messages import event_qos, sensor_qos
+from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
 from slip_detector.nodes.view_fingers import RosDetectors
 from slip_detector.view.detectors import OUTSIDE, RESTART
-from support.harness import DEADLINE_S
+from support.harness import DEADLINE_S, PERIOD_NS, START_NS, sample
 
 INDEX = '/index/slip_detector'
 
@@ -88,12 +88,12 @@ def test_a_finger_has_the_levels_of_its_detector_and_the_diagnostics_of_its_node
         assert (finger.config.channels, finger.config.threshold) == (2, 0.25)
         it.watched = {INDEX}
 
-        # A channel that never changes would not be valid for long.
+        # At the rate of the detector; a channel that never changes would not be valid for long.
+        stamps_ns = itertools.count(START_NS, PERIOD_NS)
         volts = itertools.cycle((4.3, 4.301))
 
         def heard():
-            header = Header(stamp=bench.node.get_clock().now().to_msg())
-            publisher.publish(JointState(header=header, position=[next(volts)] * 2))
+            publisher.publish(sample([next(volts)] * 2, next(stamps_ns)))
             return finger.valid and len(finger.track.levels) and len(finger.track.samples)
 
         await it.until(heard, 'samples and levels')
@@ -106,7 +106,7 @@ def test_a_finger_has_the_levels_of_its_detector_and_the_diagnostics_of_its_node
             others.publish(array)
             return {each.name for each in finger.diagnostics}
 
-        wanted = {'bench: sensor', 'input', 'channels', 'decisions'}
+        wanted = {'bench: sensor', 'input', 'timing', 'channels', 'decisions'}
         await it.until(lambda: labels() == wanted, 'all diagnostics')
         # Silent: slip_valid falls, and the detector says why.
         await it.until(lambda: not finger.valid, 'slip_valid to fall')
@@ -149,6 +149,17 @@ def test_a_detector_whose_parameters_change_and_that_ends_and_comes_again(bench)
         assert 'started again' in it.detectors.fingers[INDEX].description()['notice']
         assert finger.changes[-1].by == RESTART
         assert finger.to_undo()['threshold'] == 0.75
+
+    watching(bench, test)
+
+
+def test_a_scene_that_is_found_after_an_order_obeys_it(bench):
+    async def test(it):
+        assert not it.detectors.order(INDEX, 'slip')
+        heard = bench.listen(String, '/index/scene_order', state_qos())
+        bench.wait_for(lambda: heard, 'the order')
+        assert heard == [String(data='slip')]
+        assert it.detectors.order(INDEX)
 
     watching(bench, test)
 

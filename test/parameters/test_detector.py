@@ -15,19 +15,22 @@
 """The parameters of chain and detector: what the defaults are made of, and what goes together."""
 
 import math
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.parameters.detector import (
+from slip_detector.parameters.chain import (
     LONGEST_COMB_S,
     LOWEST_EDGE,
     PAPER_GROUPS,
     WHOLE_PERIODS,
     ChainConfig,
-    DetectorConfig,
 )
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.files import shared_folder
+from slip_detector.parameters.sections import parameters_for
 from support.config_cases import message_of
 
 
@@ -72,9 +75,6 @@ REFUSED = [
     ({'envelope_window_s': 0.002}, 'envelope_window_s is 0.002 s, allowed: at least one sample'),
     ({'decision_window_s': 0.0}, 'decision_window_s is 0 s, allowed: at least one sample'),
     ({'valid_range_v': (4, 4)}, 'valid_range_v is (4.0, 4.0), allowed: each number above the one'),
-    ({'noise_floor': [1.0] * 100_000}, 'noise_floor has 100000 numbers, allowed: one number, or'),
-    ({**EVIDENCE, 'noise_floor': ()}, 'noise_floor has 0 numbers, allowed: one number, or 16'),
-    ({**EVIDENCE, 'noise_floor': (1.0, 2.0)}, 'noise_floor has 2 numbers, allowed: one number'),
     ({**EVIDENCE, 'evidence_cap_db': 3.5}, 'evidence_cap_db is 3.5 dB, allowed: above'),
     ({**EVIDENCE, 'threshold': 1.3}, 'threshold is 1.3, allowed: above 0, below evidence_limit_'),
     (
@@ -103,12 +103,62 @@ def test_parameters_that_do_not_go_together_are_refused(values, said):
 
 
 def test_parameters_of_the_evidence_and_of_its_stages_are_not_checked_without_these():
-    values = {'threshold': 2.0, 'impact_v': 1.0, 'impact_channels': 99, 'noise_floor': (1, 2)}
+    values = {'threshold': 2.0, 'impact_v': 1.0, 'impact_channels': 99}
     values |= {'contact_level_v': 1.0, 'contact_channels': 99, 'activity_cap_db': 8.7}
     assert ChainConfig(**values).threshold == 2.0
     band = {'passband_hz': (7.0, 0.0), 'stopbands_hz': (), 'passband_degree': 2}
     windows = {'envelope_window_s': 0.1, 'decision_window_s': 0.1}
     assert ChainConfig(**EVIDENCE, **band, **windows, sample_rate_hz=30.0).low_band_hz == ()
+
+
+@pytest.mark.parametrize(
+    ('given', 'floors', 'said'),
+    [
+        ((), (), 'no noise_floor: each channel begins at its first envelope, and'),
+        ((0.5,), (0.5,), ''),
+        ((0.5, 2.0, 1.0), (0.5, 2.0, 1.0), ''),
+        ((0.5, 2.0), (0.5,), 'noise_floor has 2 numbers for 3 channels: the first is used for'),
+    ],
+)
+def test_any_number_of_floors_is_allowed_and_one_remark_says_what_it_means(given, floors, said):
+    config = ChainConfig(channels=3, decision='evidence', noise_floor=given)
+    assert config.floors == floors
+    assert [words[: len(said)] for words in config.remarks()] == ([said] if said else [])
+    assert ChainConfig(channels=3, noise_floor=given).remarks() == []
+
+
+FOLDER = shared_folder() / 'config'
+FILES = [*FOLDER.glob('*.yaml'), *FOLDER.glob('sensors/*.yaml')]
+IN_FILES = {
+    str(path.relative_to(FOLDER)): {
+        name: DetectorConfig.from_yaml(path).to_parameters()[name]
+        for name in parameters_for(path, 'slip_detector').values
+    }
+    for path in FILES
+}
+
+
+@pytest.mark.parametrize('first', IN_FILES)
+def test_every_file_of_config_is_loaded_onto_every_other_at_once_and_by_single_parameters(first):
+    before = DetectorConfig.from_parameters(IN_FILES[first])
+    for values in IN_FILES.values():
+        assert values.items() <= before.with_values(values).to_parameters().items()
+        # Channels first, then any order; what is refused comes again after the others.
+        parts: list[dict[str, Any]] = [{name: values[name]} for name in sorted(values)]
+        groups = {name: value for name, value in values.items() if name.startswith('groups')}
+        parts = [part for part in parts if not part.keys() & {'channels', *groups}]
+        parts = [{'channels': values.get('channels', 16)}, groups, *parts]
+        config = before
+        while parts:
+            refused = []
+            for part in parts:
+                try:
+                    config = config.with_values(part)
+                except ValueError:
+                    refused.append(part)
+            assert len(refused) < len(parts)
+            parts = refused
+        assert values.items() <= config.to_parameters().items()
 
 
 @pytest.mark.parametrize('rate', [1.0, 100.0, 380.0, 1e6])

@@ -131,24 +131,28 @@ WHOLE = ', allowed: whole nanoseconds'
         ({'slip': [0, 1]}, ': slip has the shape (2,), allowed: (3,)'),
         ({'slip': [0, np.nan, 1]}, ': slip has nan, allowed: 0 and 1'),
         ({'slip': ['False'] * 3}, ": slip has 'False', allowed: 0 and 1"),
-        ({'stamps_ns': [0.0, np.nan, 2.0]}, f': stamps_ns has nan{WHOLE}'),
         ({'stamps_ns': [0.0, 0.5, 1.0]}, f': stamps_ns has 0.5{WHOLE}'),
-        ({'stamps_ns': [0.0, 1e300, 1.0]}, f': stamps_ns has 1e+300{WHOLE}'),
         ({'stamps_ns': np.array([0, 1, 2**63], np.uint64)}, f': stamps_ns has {2**63}{WHOLE}'),
-        ({'stamps_ns': ['0', '1', '2']}, f': stamps_ns has the type <U1{WHOLE}'),
         ({'stamps_ns': [False, True, True]}, f': stamps_ns has the type bool{WHOLE}'),
         ({'stamps_ns': [5, 5, 4]}, ': stamps_ns do not rise, allowed: two or more rows'),
         (
             {'stamps_ns': [0, 8e6, 16e6]},
             ': stamps_ns has 125 Hz, sample_rate_hz 380 Hz, allowed: ',
         ),
-        ({'sample_rate_hz': True}, ': sample_rate_hz is True, allowed: a rate in Hz'),
         ({'sample_rate_hz': 380j}, ': sample_rate_hz is 380j, allowed: a rate in Hz'),
         ({'volts': [[None]]}, ': Object arrays cannot be loaded when allow_pickle=False'),
     ],
 )
 def test_npz_that_lacks_something_is_named_with_what_it_lacks(tmp_path, arrays, said):
     assert complaint(save_npz(tmp_path / 'a.npz', **arrays)).startswith(said)
+
+
+def test_a_file_that_is_cut_off_or_no_npz_is_named(tmp_path):
+    content = save_npz(tmp_path / 'a.npz').read_bytes()
+    for wrong in (b'time_s,a\n0,1\n', content[:-9], b''):
+        (tmp_path / 'a.npz').write_bytes(wrong)
+        said = ': is cut off, or no npz, allowed: what numpy.savez writes'
+        assert complaint(tmp_path / 'a.npz') == said
 
 
 def test_a_file_gives_rows_names_and_truth_and_all_its_arrays_by_name(tmp_path):

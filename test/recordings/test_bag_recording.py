@@ -120,6 +120,22 @@ def test_a_truth_that_was_received_late_holds_from_its_receipt_on(tmp_path):
     np.testing.assert_array_equal(truth, (np.arange(n) >= 20) & (np.arange(n) < 30))
 
 
+def test_times_of_receipt_that_fall_move_no_row_and_are_refused_for_a_label(tmp_path):
+    written = rows(400, truth=False)
+    with Bag(tmp_path / 'a') as bag:
+        for k, (stamp_ns, row) in enumerate(zip(written.stamps_ns, written.volts, strict=True)):
+            bag.write('/voltages', bag.joints(stamp_ns, row), 2**62 if k == 7 else 0)
+            if k in (100, 200):
+                slip = bag.make('std_msgs/msg/Bool', data=k == 100)
+                bag.write('/left/slip_truth', slip, stamp_ns if k == 100 else 0)
+    said = ': the times on /left/slip_truth fall, allowed: rising, or --labels (recording_labels)'
+    assert complaint(tmp_path / 'a') == said
+    (tmp_path / 'a.labels.yaml').write_text('slip_s: [[0.1, 0.2]]')
+    read = gathered(open_recording(tmp_path / 'a'))
+    np.testing.assert_array_equal(read.volts, written.volts)
+    np.testing.assert_array_equal(read.stamps_ns, written.stamps_ns)
+
+
 @given(st.lists(st.sampled_from([0.0, 1.0, 2.0]), min_size=3, max_size=25))
 def test_without_a_truth_a_position_that_changes_is_slip(tmp_path_factory, positions):
     n = len(positions)

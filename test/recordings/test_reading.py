@@ -25,9 +25,9 @@ from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import (
     array_recordings,
     bag_recording,
+    group_recordings,
     is_recording,
     open_recording,
-    recording_sets,
     write_recording,
 )
 from support.config_cases import message_of
@@ -47,11 +47,13 @@ def test_keys_are_taken_from_the_configuration(tmp_path):
 def test_a_missing_file_a_folder_and_an_unknown_ending_are_named(tmp_path):
     folder = tmp_path / 'folder.npz'
     folder.mkdir()
-    assert complaint(tmp_path / 'no.npz') == ': cannot be read (No such file or directory)'
+    for missing in ('no.npz', 'no', 'no.wav'):
+        assert complaint(tmp_path / missing) == ': cannot be read (No such file or directory)'
     assert complaint(folder) == ': cannot be read (Is a directory)'
-    allowed = 'allowed: .npz, .csv, .mcap, .db3, .bag, .zstd or the folder of a bag'
-    assert complaint(tmp_path / 'a.wav') == f': is .wav, {allowed}'
-    assert complaint(tmp_path / 'bag') == f': is without ending, {allowed}'
+    allowed = 'allowed: .npz, .csv, .mcap, .db3, .bag or the folder of a bag'
+    for name, ending in (('a.wav', '.wav'), ('bag', 'without ending')):
+        (tmp_path / name).touch()
+        assert complaint(tmp_path / name) == f': is {ending}, {allowed}'
 
 
 @pytest.mark.parametrize('ending', ['.npz', '.csv', '.mcap', '.db3', '.bag', '.labels.yaml'])
@@ -67,30 +69,33 @@ def test_a_pipe_or_a_device_is_no_recording_and_no_file_of_labels(tmp_path, endi
             assert message == f'{path}: is no file, allowed: a file'
 
 
-def test_a_recording_is_known_by_its_ending_or_its_metadata(tmp_path):
+def test_a_recording_is_known_by_its_ending_or_its_metadata_or_the_first_file_of_a_bag(tmp_path):
     assert is_recording(tmp_path / 'a.db3')
     assert not is_recording(tmp_path)
     (tmp_path / 'metadata.yaml').touch()
     assert is_recording(tmp_path)
+    # A bag whose recorder was killed has no metadata.
+    (tmp_path / 'w').mkdir()
+    (tmp_path / 'w' / 'w_0.mcap').touch()
+    assert is_recording(tmp_path / 'w')
 
 
-def test_files_of_one_folder_are_one_set_and_folders_are_sorted(tmp_path):
-    for name in ('x/b.npz', 'x/a.csv', 'x/notes.txt', 'y/c.npz', 'z/x/d.npz'):
+def test_the_recordings_of_a_folder_and_of_the_folders_in_it_are_sets(tmp_path):
+    for name in ('x/b10.npz', 'x/b9.csv', 'x/notes.txt', 'y/c.npz', 'z/x/d.npz', 'z/w/w_0.mcap'):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
-    # A bag whose recorder was killed has no metadata.yaml.
-    (tmp_path / 'w' / 'bag').mkdir(parents=True)
-    (tmp_path / 'w' / 'bag' / 'bag_0.mcap').touch()
-    assert recording_sets([str(tmp_path / 'w')]) == {'w': [tmp_path / 'w' / 'bag']}
-    x, y, zx = tmp_path / 'x', tmp_path / 'y', tmp_path / 'z' / 'x'
-    given_files = [str(x / 'b.npz'), str(y / 'c.npz'), str(y / '..' / 'x' / 'a.csv')]
+    x, y, z = (tmp_path / name for name in 'xyz')
+    assert group_recordings([z]) == {'z': [z / 'w'], 'x': [z / 'x' / 'd.npz']}
+    # Numbers count by their value, and what is given twice is there once.
+    given_files = [x / 'b10.npz', y / 'c.npz', x / 'b9.csv', y / '..' / 'x' / 'b10.npz', y]
     sets = {
-        name: [file.name for file in some] for name, some in recording_sets(given_files).items()
+        name: [file.name for file in some] for name, some in group_recordings(given_files).items()
     }
-    assert sets == {'x': ['b.npz', 'a.csv'], 'y': ['c.npz']}
-    assert recording_sets([str(x)]) == {'x': [x / 'a.csv', x / 'b.npz']}
+    assert sets == {'x': ['b9.csv', 'b10.npz'], 'y': ['c.npz']}
     # Two folders of one name are told apart.
-    assert list(recording_sets([str(x), str(y), str(zx)])) == [str(x), 'y', str(zx)]
+    assert list(group_recordings([x, y, z / 'x'])) == [str(x), 'y', str(z / 'x')]
+    said = 'cannot be read (No such file or directory)'
+    assert message_of(group_recordings, [x, z / 'no.npz']) == f'{z / "no.npz"}: {said}'
 
 
 @pytest.mark.parametrize('ending', ['.mcap', '.csv'])

@@ -19,7 +19,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slip_detector.parameters.detector import PAPER_CHANNELS, PAPER_GROUPS
+from slip_detector.parameters import PAPER_CHANNELS, PAPER_GROUPS
 from slip_detector.scenes.electronics import (
     CONTACT_N,
     SENSOR_PITCH_M,
@@ -30,7 +30,7 @@ from slip_detector.scenes.electronics import (
     Frontend,
     taxel_positions,
 )
-from slip_detector.scenes.parts import spawned
+from slip_detector.scenes.parts import spawn_parts
 
 ACROSS = np.array(PAPER_GROUPS['TP'] + PAPER_GROUPS['TD']) - 1
 ALONG = np.array(PAPER_GROUPS['LR'] + PAPER_GROUPS['LU']) - 1
@@ -40,7 +40,7 @@ NEAT = {'noise_v': 0.0, 'rails_v': [-1000.0, 1000.0]}
 
 
 def frontend(seed=0, rate_hz=380.0, parts=(), **parameters):
-    children = spawned(np.random.default_rng(seed))
+    children = spawn_parts(np.random.default_rng(seed))
     return Frontend({'electronics': Electronics(**parameters), **dict(parts)}, children, rate_hz)
 
 

@@ -184,9 +184,13 @@ class Bench:
         self.processes.append(process)
         return process
 
+    def start_executable(self, name, *words):
+        """Start an executable of the package that is no node, such as ``slip_demo``."""
+        return self.start_python('-m', 'slip_detector.nodes.run', name, *words)
+
     def start_view(self, *words):
         """Start slip_view on a free port; return the process and the address of its page."""
-        view = self.start_python('-m', 'slip_detector.nodes.view', '--port', '0', *words)
+        view = self.start_executable('slip_view', '--port', '0', *words)
         self.wait_for(lambda: 'http://' in view.log(), 'the address', view)
         return view, re.search(r'^slip_view: (http://\S+)$', view.log(), re.M)[1]
 

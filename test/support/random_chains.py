@@ -20,8 +20,9 @@ import numpy as np
 from hypothesis import strategies as st
 
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.compiled import COMPILED, LANES
-from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
+from slip_detector.compiled import COMPILED
+from slip_detector.parameters import COMMON_MODES, ChainConfig
+from slip_detector.vectors import LANES
 
 MOST_ROWS = 200 if COMPILED else 120
 
@@ -142,7 +143,8 @@ def with_evidence(draw, config, volts):
     envelopes = SlipChain(mean).update(volts).envelope
     positive = envelopes[envelopes > 0]
     middle = float(np.median(positive)) if positive.size else 1.0
-    n_floors = draw(st.sampled_from([1, config.channels]), label='floors')
+    # None; one; as many as channels, or not, of which the first is for all.
+    n_floors = draw(st.sampled_from([0, 1, config.channels, config.channels + 1]), label='floors')
     floors = [middle * 10 ** draw(st.floats(-1.5, 0.5)) for _ in range(n_floors)]
     offset_db = draw(st.sampled_from([0.0, 3.5, 7.0]))
     limit_db_s = draw(st.sampled_from([0.02, 0.3, 1.3]))

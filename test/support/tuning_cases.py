@@ -100,7 +100,7 @@ def run(*words, code=0):
 
 
 def problem(tracks, given_chain=CHAIN):
-    before = Problem(tracks).as_it_is(given_chain)
+    before = Problem(tracks).evaluate(given_chain)
     return Problem(tracks, given_chain, before.figures)
 
 

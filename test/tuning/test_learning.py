@@ -107,8 +107,8 @@ def test_noise_alone_has_no_band_however_few_its_spectra_are():
         tracks = [track_with(noise(seed), labels) for seed in range(20)]
         assert sum(bool(slip_bands(CHAIN, [track])[0]) for track in tracks) <= 1
     for labels, why in (
-        (np.arange(6000) % 400 >= 380, 'slides are too short to measure where they stand out'),
-        (np.ones(6000, bool), 'there is too little rest to measure where slides stand out'),
+        (np.arange(6000) % 400 >= 380, 'Slides are too short to measure where they stand out'),
+        (np.ones(6000, bool), 'There is too little rest to measure where slides stand out'),
     ):
         assert slip_bands(CHAIN, [track_with(noise(1), labels)]) == ([], why)
 

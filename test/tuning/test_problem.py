@@ -23,11 +23,11 @@ import pytest
 
 from slip_detector.chain.filters import settling_rows
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
-from slip_detector.recordings.labels import label_at
+from slip_detector.recordings.labels import label_times
 from slip_detector.tuning.problem import COMPARED, Candidate, Problem, worse_figures
 from slip_detector.tuning.search import Trial
 from slip_detector.tuning.space import SearchSpace
-from slip_detector.tuning.sweep import thresholds, vote_statistics
+from slip_detector.tuning.sweep import vote_statistics
 from slip_detector.tuning.tracks import track_of
 from slip_detector.tuning.verdict import choose, judge
 from support.tuning_cases import CHAIN, RATE_HZ, problem, slips, study_of, track, track_with
@@ -42,10 +42,10 @@ def test_costs_are_latency_and_what_misses_false_alarms_and_wrong_time_count_for
         missed_time_costs_ms=0.5, auc_costs_ms=0.0,
     )  # fmt: skip
     objective = Problem(tracks, config=weights)
-    never = objective.as_it_is(dataclasses.replace(CHAIN, threshold=1e9))
+    never = objective.evaluate(dataclasses.replace(CHAIN, threshold=1e9))
     assert never.cost_ms == 350.0
     assert never.figures['sooner_than_chance'] == 0.0
-    found = objective.as_it_is(dataclasses.replace(CHAIN, threshold=0.02))
+    found = objective.evaluate(dataclasses.replace(CHAIN, threshold=0.02))
     assert found.figures['sooner_than_chance'] > 0.9
     assert 10.0 < found.figures['latency_median_ms'] < 100.0
     figures = found.figures
@@ -55,7 +55,7 @@ def test_costs_are_latency_and_what_misses_false_alarms_and_wrong_time_count_for
         ('missed_time_costs_ms', 100.0 * (1.0 - figures['coverage'])),
     ):
         heavier = dataclasses.replace(weights, **{weight: getattr(weights, weight) + 1.0})
-        more = Problem(tracks, config=heavier).as_it_is(found.chain)
+        more = Problem(tracks, config=heavier).evaluate(found.chain)
         assert more.cost_ms - found.cost_ms == pytest.approx(figure, abs=1e-9)
 
 
@@ -68,14 +68,14 @@ def compared(*values, **more):
 def test_time_on_counts_beside_rest_by_the_mean_of_kinds_however_long_each_was_recorded():
     often = dataclasses.replace(CHAIN, threshold=2e-4, vote=1)
     tracks = [track(1), track(2, 'press', noise_v=0.07), track(3, 'idle', 6.0, noise_v=0.06)]
-    figures = Problem(tracks).as_it_is(often).figures
-    alone_percent = Problem(tracks[:1]).as_it_is(often).figures['false_time_percent']
+    figures = Problem(tracks).evaluate(often).figures
+    alone_percent = Problem(tracks[:1]).evaluate(often).figures['false_time_percent']
     of_kinds = [figures['press_on_percent'], figures['idle_on_percent']]
     assert of_kinds[0] > of_kinds[1] > 0.0
     free = TuneConfig(auc_costs_ms=0.0, false_time_costs_ms=0.0)
     for many, more_percent in ((1, 0.0), (2, of_kinds[0]), (3, np.mean(of_kinds))):
         cost_ms, free_ms = (
-            Problem(tracks[:many], config=config).as_it_is(often).cost_ms
+            Problem(tracks[:many], config=config).evaluate(often).cost_ms
             for config in (dataclasses.replace(free, false_time_costs_ms=10.0), free)
         )
         assert cost_ms - free_ms == pytest.approx(10.0 * (alone_percent + more_percent))
@@ -83,7 +83,7 @@ def test_time_on_counts_beside_rest_by_the_mean_of_kinds_however_long_each_was_r
 
 def test_a_figure_that_gets_worse_than_given_counts_tenfold():
     tracks = [track(1), track(2, 'press')]
-    alone = Problem(tracks).as_it_is(QUICK)
+    alone = Problem(tracks).evaluate(QUICK)
     # One that finds few slips has no median of all.
     few = compared(None, None, None, 1e6, 100.0, None, 0.2)
     for name, less, more_ms in (
@@ -91,7 +91,7 @@ def test_a_figure_that_gets_worse_than_given_counts_tenfold():
         ('press_on_percent', 1.5, 10 * 10.0 * (1.5 - 0.5)), ('recall', 0.0, 0.0), (None, 0, 0.0),
     ):  # fmt: skip
         before = {**alone.figures, name: alone.figures[name] - less} if name else few
-        cost_ms = Problem(tracks, figures=before).as_it_is(QUICK).cost_ms
+        cost_ms = Problem(tracks, figures=before).evaluate(QUICK).cost_ms
         assert cost_ms == pytest.approx(alone.cost_ms + more_ms)
 
 
@@ -107,10 +107,10 @@ class Known(Problem):
 
     costs: tuple = ()
 
-    def as_it_is(self, chain):
+    def evaluate(self, chain):
         return self.costs[chain is QUICK]
 
-    def left_out(self, chain):
+    def cross_validate(self, chain):
         of_each = np.array(self.costs[round(chain.threshold)])
         return of_each.mean(), (of_each.sum() - of_each) / (of_each.size - 1)
 
@@ -162,7 +162,7 @@ def test_a_chain_does_not_gain_by_settling_for_longer():
     late = track_with(volts[500:], truth[500:])
     objective = Problem([late])
     for each in (QUICK, dataclasses.replace(QUICK, passband_hz=(0.5, 50.0))):
-        candidate = objective.as_it_is(each)
+        candidate = objective.evaluate(each)
         left_out = sum(slip.start < settling_rows(each) for slip in late.slips)
         assert candidate.cost_ms > left_out / len(late.slips) * TuneConfig().missed_costs_ms
 
@@ -170,8 +170,8 @@ def test_a_chain_does_not_gain_by_settling_for_longer():
 def test_a_recording_that_ends_before_the_chain_has_settled_has_no_figures():
     volts, truth = slips(1)
     objective = Problem([track_with(volts[600:680], truth[600:680])])
-    assert objective.as_it_is(CHAIN).cost_ms == math.inf
-    assert not any(objective.as_it_is(CHAIN).figures[name] for name in [*COMPARED][:4])
+    assert objective.evaluate(CHAIN).cost_ms == math.inf
+    assert not any(objective.evaluate(CHAIN).figures[name] for name in [*COMPARED][:4])
     assert objective.best(CHAIN) is None
 
 
@@ -183,8 +183,8 @@ def test_a_threshold_next_to_no_evidence_is_not_taken():
     objective = Problem(tracks)
     found = objective.best(chain)
     assert found.figures['sooner_than_chance'] > 0.9
-    (parts,) = vote_statistics(chain, [found.chain.vote], tracks).values()
-    assert found.chain.threshold >= thresholds(chain, parts)[3]
+    (statistics,) = vote_statistics(chain, [found.chain.vote], tracks)
+    assert found.chain.threshold >= statistics.thresholds()[3]
     # Three steps of 3 %, or 0.257 dB, for as long as a window.
     assert found.chain.threshold > 3 * 0.25 * chain.envelope_window_s
 
@@ -194,7 +194,7 @@ def test_the_threshold_for_a_recording_comes_from_the_others():
         """Return the costs where the first recording is louder than the others."""
         volts, truth = slips(1)
         tracks = [track_with(4.3 + gain * (volts - 4.3), truth), track(2), track(3), track(4)]
-        return Problem(tracks).left_out(CHAIN)
+        return Problem(tracks).cross_validate(CHAIN)
 
     cost_ms, _ = left_out(1.0)
     # Louder noise costs time ON where the threshold is not its own; without it nothing changes.
@@ -243,7 +243,7 @@ def test_another_problem_has_another_name():
     asked = problem([track(1)])
     others = [
         problem([track(2)]),
-        dataclasses.replace(asked, given=dataclasses.replace(CHAIN, threshold=0.06)),
+        dataclasses.replace(asked, origin=dataclasses.replace(CHAIN, threshold=0.06)),
         dataclasses.replace(asked, figures=None),
         dataclasses.replace(asked, evaluation=EvaluationConfig(tail_s=0.2)),
         dataclasses.replace(asked, config=TuneConfig(auc_costs_ms=0.0)),
@@ -255,18 +255,18 @@ def test_another_problem_has_another_name():
 def test_slips_are_counted_that_begin_when_both_chains_have_settled():
     tracks = [track_with(*(rows[round(0.9 * RATE_HZ) :] for rows in slips(1)))]
     slow = dataclasses.replace(CHAIN, threshold=1e3, envelope_window_s=1.0)
-    kept = judge(problem(tracks), CHAIN, tracks, Problem(tracks).as_it_is(slow)).kept
+    kept = judge(problem(tracks), CHAIN, tracks, Problem(tracks).evaluate(slow)).kept
     assert kept.endswith(' is worse')
 
 
 def test_a_chain_that_remembers_for_longer_costs_more_where_labels_hide_it():
     rows = track(1).samples
     edges_ns = rows.stamps_ns[np.flatnonzero(np.diff(rows.truth)) + 1]
-    by_hand = rows._replace(accuracy_s=0.2, **label_at(rows.stamps_ns, edges_ns, 0.2))
+    by_hand = rows._replace(accuracy_s=0.2, **label_times(rows.stamps_ns, edges_ns, 0.2))
     tracks = [track_of('a', [by_hand], RATE_HZ)]
     objective = Problem(tracks)
     short, long = (
-        objective.as_it_is(dataclasses.replace(QUICK, decision_window_s=window_s))
+        objective.evaluate(dataclasses.replace(QUICK, decision_window_s=window_s))
         for window_s in (0.05, 0.15)
     )
     assert long.figures == short.figures

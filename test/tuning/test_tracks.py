@@ -25,7 +25,7 @@ from slip_detector.tuning.tracks import (
     TUNED_SHARE,
     TrainingFiles,
     faults_of,
-    held_out,
+    hold_out_tracks,
     load_tracks,
 )
 from support.tuning_cases import CHAIN, slips, track, write
@@ -37,7 +37,7 @@ def names_of(*parts):
 
 def test_every_third_recording_is_held_out_of_those_with_slips_and_of_each_kind():
     tracks = [track(k) for k in range(5)] + [track(5, slips=False), track(6, slips=False)]
-    parts = held_out([*tracks, track(7, 'press'), track(8, 'press')])
+    parts = hold_out_tracks([*tracks, track(7, 'press'), track(8, 'press')])
     held = [f'seed {k}' for k in (1, 4, 6, 8)]
     training = [f'seed {k}' for k in (0, 2, 3, 5, 7)]
     assert names_of(*parts) == [training, held]
@@ -45,7 +45,7 @@ def test_every_third_recording_is_held_out_of_those_with_slips_and_of_each_kind(
 
 def test_one_recording_is_cut_between_two_slips():
     whole = track(3, duration_s=30.0)
-    (training,), (held,) = held_out([whole])
+    (training,), (held,) = hold_out_tracks([whole])
     assert len(training.slips) + len(held.slips) == len(whole.slips) == 10
     assert abs(training.duration_s - TUNED_SHARE * whole.duration_s) < 3.0
     np.testing.assert_array_equal(np.concatenate([training.volts, held.volts]), whole.volts)

@@ -65,6 +65,7 @@ export class Traces {
 
   ask() {
     if (!this.finger) return;
+    [this.timeline.from, this.timeline.to] = this.stretch.ends();  // The next key goes on from it.
     const {live, window_s, to} = this.stretch, {channels} = this.chooser;
     const width = this.root.clientWidth - NAMES_WIDTH - SCALE_WIDTH;
     const pixels = clamp(Math.ceil(width / (channels.length > MOST_FINE ? 2 : 1)), 10, 4000);
