@@ -133,12 +133,13 @@ class PlayedBag:
         if finger is not None:
             # Nothing is due before the first rows are read, or at the end of those that are.
             finger.paused = not self.playing or self._next == len(self._after_ns)
-        ends = self._labels.ends if len(self._after_ns) else []
+        slip_s = pairs_of(self._labels.ends) if len(self._after_ns) else []
         state: dict[str, Any] = {'name': self.path.name, 'labels': str(self.file)}
         state |= {'at_s': round(self._at_s, 3), 'speed': self.speed, 'playing': self.playing}
         state |= {'reading': self._reading, 'duration_s': self.duration_s}
-        state |= {'rows': len(self._after_ns), 'slip_s': pairs_of(ends)}
-        state |= {'changes': finger and finger.count}
+        # Pages ask for the trace anew when something that it is made of has changed.
+        changes = [finger and finger.count, len(self._after_ns), *slip_s]
+        state |= {'changes': changes, 'slip_s': slip_s}
         self._server.broadcast('bag_places', {'places': self._places})
         self._server.broadcast('bag', state)
 
