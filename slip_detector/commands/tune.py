@@ -44,7 +44,7 @@ from slip_detector.commands.command_line import (
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters import DetectorConfig, parameter_file, write_yaml
 from slip_detector.recordings.labels import KINDS
-from slip_detector.report.texts import answer, bad_recordings, compared, rounded, text_table
+from slip_detector.report.texts import answer, bad_recordings, compare, say_number, text_table
 from slip_detector.tuning.learning import learn_from_quiet
 from slip_detector.tuning.problem import Candidate, searched_parameters
 from slip_detector.tuning.tracks import Track, TrainingFiles
@@ -116,7 +116,7 @@ def _observer(bar: Any, as_json: bool) -> Callable[..., None]:
             step = f'{count} of {trials} trials'
             if best:
                 matched, missed = best.figures['matched'], best.figures['missed']
-                percent = rounded(best.figures['false_time_percent'])
+                percent = say_number(best.figures['false_time_percent'])
                 step += f', so far finds {matched} of {matched + missed} slips'
                 step += f', ON without slip {percent} %'
             bar.total, before, state['share'] = trials, state['share'], count / trials
@@ -178,7 +178,7 @@ def _search(
         f'Held out, and not tuned on: {_describe(held)}',
         *notes,
     ]
-    rows, values = compared(before, after), given_chain.to_parameters().items()
+    rows, values = compare(before, after), given_chain.to_parameters().items()
     changes = dict(pair for pair in tried_chain.to_parameters().items() if pair not in values)
     summary = {
         'step': '', 'share': 1.0, 'lines': notes, 'answer': answers, 'kept': verdict.kept,

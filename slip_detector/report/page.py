@@ -167,7 +167,7 @@ def _figures(variants: Sequence[Variant]) -> str:
     blocks = texts.figure_tables(rows, {'recording': RECORDING_FIGURES, **texts.TABLES})
     main, *others = [_table('figures', block[0], block[1:]) for block in blocks] or ['']
     if len(names) > 1:
-        changes = texts.compared(*(variant.figures[titles[0]] for variant in variants))
+        changes = texts.compare(*(variant.figures[titles[0]] for variant in variants))
         table = _table('compared', [titles[0], *names, ''], changes)
         main = f'{_details("What changed", table)}{main}'
     every = _details('All figures', ''.join(others))

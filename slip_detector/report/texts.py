@@ -247,7 +247,7 @@ def figure_tables(
     return tables
 
 
-def compared(before: Figures, after: Figures) -> list[Row]:
+def compare(before: Figures, after: Figures) -> list[Row]:
     """Return two sets of figures side by side, each with its title and 'better' or 'worse'.
 
     Figures with the same text in both are left out. Figures that a search compares are better or
@@ -262,7 +262,7 @@ def compared(before: Figures, after: Figures) -> list[Row]:
     --------
     >>> from slip_detector.evaluation.figures import figures_of_merit
     >>> before = {**figures_of_merit([]), 'sooner_than_chance': 0.7, 'recall': 0.8}
-    >>> compared(before, {**before, 'recall': 0.95})
+    >>> compare(before, {**before, 'recall': 0.95})
     [('share found', '0.800', '0.950', 'better')]
     """
     worse, better = worse_figures(after, before), worse_figures(before, after)
@@ -291,7 +291,7 @@ def answer(after: Figures, before: Figures | None = None) -> list[str]:
     Returns
     -------
     list of str
-        A line on how good they are; and where :func:`.compared` finds something worse, a line on
+        A line on how good they are; and where :func:`.compare` finds something worse, a line on
         that.
 
     Examples
@@ -301,7 +301,7 @@ def answer(after: Figures, before: Figures | None = None) -> list[str]:
     ['No slips to find.']
     """
     if after['slips'] is None:
-        time_on = f'ON {rounded(after["on_percent"] or 0.0)} % of the time'
+        time_on = f'ON {say_number(after["on_percent"] or 0.0)} % of the time'
         return [f'{time_on}: without labels nobody knows whether rightly.']
     sentences = [_slips_found(after, before)]
     if settling := after['settling_slips']:
@@ -312,9 +312,9 @@ def answer(after: Figures, before: Figures | None = None) -> list[str]:
     alarms = after['false_alarms_per_minute']
     # A detector that is mostly ON has few alarms.
     if alarms is not None and (alarms >= 0.5 or not before) and after['false_time_percent'] < 50.0:
-        sentences.append(f'False alarms: {rounded(alarms)} a minute')
+        sentences.append(f'False alarms: {say_number(alarms)} a minute')
     lines, worse = [f'{". ".join(sentences)}.'], list[str]()
-    for title, was, now, change in compared(before or after, after):
+    for title, was, now, change in compare(before or after, after):
         if change == 'worse':
             words, _, unit = title.rstrip(']').partition(' [')
             worse.append(f'{words} {was} → {now} {unit}'.rstrip())
@@ -354,12 +354,12 @@ def bad_recordings(recordings: Mapping[str, Figures]) -> list[str]:
     return lines + [f'{name_list(names, 3)}: {text}' for text, names in names_of.items()]
 
 
-def rounded(value: float | None) -> str:
+def say_number(value: float | None) -> str:
     """Return a number as people say it; empty where it is not known.
 
     Examples
     --------
-    >>> rounded(18.7), rounded(0.034)
+    >>> say_number(18.7), say_number(0.034)
     ('19', '0.03')
     """
     if value is None:
@@ -404,7 +404,7 @@ def _time_on(after: Figures, before: Figures) -> list[str]:
         known = {ALL: whole, **known}
     for name in known:
         where = heading(name).removeprefix('ON ').removeprefix('in ').removesuffix(' [%]')
-        was, now = rounded(before.get(name)), rounded(after[name])
+        was, now = say_number(before.get(name)), say_number(after[name])
         change = now if was in ('', now) else f'{was} % → {now}'
         texts.append(f'{where} {change} %'.replace('→ 0 %', '→ 0'))
     return [f'ON {", ".join(texts)}']

@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 
 from slip_detector.chain.samples import Floats, Samples
-from slip_detector.evaluation.evaluator import RecordingLoader
-from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig
+from slip_detector.evaluation.evaluator import OpenedRecording, RecordingLoader
+from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig, refuse
 from slip_detector.recordings import labels
 from slip_detector.tuning.tracks import Track, track_of
 from slip_detector.view.hand_labels import HandLabels, pairs_of
@@ -47,9 +47,9 @@ BINS = 32_000
 class PlayedBag:
     """A recording that pages play, stop and move, and whose labels they change.
 
-    It can be seen and played once :meth:`read` has read it. An end of a label that is given by a
-    key is as exact as hands are at the speed that was played; one that is set on the trace to
-    0.1 s, or a pixel if that is longer.
+    While :meth:`read` reads it, what is read can be seen and played; labels can be changed when
+    all is read. An end of a label that is given by a key is as exact as hands are at the speed
+    that was played; one that is set on the trace to 0.1 s, or a pixel if that is longer.
 
     Parameters
     ----------
@@ -75,11 +75,13 @@ class PlayedBag:
         self._loader = RecordingLoader(config, driver)
         file = labels.find_labels(driver.recording_labels, path)
         self.file = file or path.parent / labels.labels_name(path)
-        # How far it is read; then its rows, when each comes after the first one, and its labels.
+        # How far it is read, '' when all is; what is read: its rows, its labels, and when each row
+        # comes after the first one. Before anything is read only the last exists, and is empty.
         self._reading = 'opening'
         self._track: Track
+        self._labels: HandLabels
         self._after_ns = np.array([], np.int64)
-        self._labels: HandLabels | None = None
+        # While it is read, the length is an estimate.
         self.duration_s, self.channel_names = 0.0, tuple[str, ...]()
         self.speed, self.playing = 1.0, True
         # The place, the next row, what is added to its stamp, and when :meth:`due` was called.
@@ -100,32 +102,44 @@ class PlayedBag:
             When it cannot be read, does not suit the detector or is too large; names it.
         """
         opened = self._loader.open(self.path, require_truth=False)
-        recording, pieces, n_bytes = opened.recording, list[Samples](), 0
+        recording, pieces, n_bytes, next_bytes = opened.recording, list[Samples](), 0, 0
+        self.channel_names = self._loader.chain_config.channel_names or recording.channel_names
+        expected_s = (recording.n_rows or 0) / recording.sample_rate_hz
         for piece in opened.rows:
             n_bytes += piece.volts.nbytes
             recording.check_size(n_bytes, 'what is played')
             pieces.append(piece)
-            read_s = (piece.stamps_ns[-1] - pieces[0].stamps_ns[0]) * 1e-9
-            self._reading = f'reading, {read_s / 60:.0f} min so far'
-        self._track = track = track_of(str(self.path), pieces, opened.sample_rate_hz)
+            read_s = float(piece.stamps_ns[-1] - pieces[0].stamps_ns[0]) * 1e-9
+            self.duration_s = max(read_s, expected_s)
+            self._reading = f'reading {read_s / 60:.0f} of {self.duration_s / 60:.0f} min'
+            if n_bytes >= next_bytes:
+                self._show(pieces, opened)
+                next_bytes = 2 * n_bytes  # Each time all is copied, and pages draw it anew.
+        self._show(pieces, opened)
+        self.duration_s, self._reading = self._read_s, ''
+
+    def _show(self, pieces: list[Samples], opened: OpenedRecording) -> None:
+        """Let pages see and play what is read."""
+        track = track_of(str(self.path), pieces, opened.sample_rate_hz)
         after_ns = track.samples.stamps_ns - track.samples.stamps_ns[0]
         if (np.diff(after_ns) < 0).any():
             raise ValueError(f'{self.path}: its clock was set back, allowed: stamps that rise')
-        self.channel_names = self._loader.chain_config.channel_names or recording.channel_names
-        self._after_ns, self.duration_s = after_ns, float(after_ns[-1] * 1e-9)
-        self._labels = HandLabels(self.file, recording.accuracy_s, lambda: track)
+        self._labels = HandLabels(self.file, opened.recording.accuracy_s, lambda: track)
+        self._track, self._after_ns = track, after_ns
 
     def tick(self) -> None:
         """Report to all pages what is played, and where it is."""
         finger = self._server.detectors.fingers.get(self._finger)
         if finger is not None:
-            # Nothing is due before it is read, or at its end.
+            # Nothing is due before the first rows are read, or at the end of those that are.
             finger.paused = not self.playing or self._next == len(self._after_ns)
-        ends = self._labels.ends if self._labels else []
+        slip_s = pairs_of(self._labels.ends) if len(self._after_ns) else []
         state: dict[str, Any] = {'name': self.path.name, 'labels': str(self.file)}
         state |= {'at_s': round(self._at_s, 3), 'speed': self.speed, 'playing': self.playing}
-        state |= {'reading': '' if self._labels else self._reading, 'duration_s': self.duration_s}
-        state |= {'changes': finger and finger.count, 'slip_s': pairs_of(ends)}
+        state |= {'reading': self._reading, 'duration_s': self.duration_s}
+        # Pages ask for the trace anew when something that it is made of has changed.
+        changes = [finger and finger.count, len(self._after_ns), *slip_s]
+        state |= {'changes': changes, 'slip_s': slip_s}
         self._server.broadcast('bag_places', {'places': self._places})
         self._server.broadcast('bag', state)
 
@@ -137,22 +151,22 @@ class PlayedBag:
         now_s
             The time of :func:`time.monotonic`.
         """
-        if not (self.playing and self._labels):
+        if not (self.playing and len(self._after_ns)):
             return iter(())
         if now_s - self._now_s > STILL_S:
             self.move(self._at_s)
         passed_s, self._now_s = max(0.0, now_s - self._now_s), now_s
-        self._at_s = min(self._at_s + passed_s * self.speed, self.duration_s)
+        self._at_s = min(self._at_s + passed_s * self.speed, self._read_s)
         begin, self._next = self._next, self._row_at(self._at_s, 'right')
-        self.playing = self._next < len(self._after_ns)
+        self.playing = bool(self._reading) or self._next < len(self._after_ns)
         due = self._track.samples.take(slice(begin, self._next))
         stamps_ns = self._after_ns[begin : self._next] + self._later_ns
         return zip(stamps_ns.tolist(), due.volts, self._label_of(due)['truth'], strict=True)
 
     def move(self, to_s: float) -> None:
-        """Go on at another place, in seconds from the first sample."""
+        """Go on at another place that is read, in seconds from the first sample."""
         last_ns = int(self._after_ns[max(self._next - 1, 0)]) + self._later_ns
-        self._at_s = min(to_s, self.duration_s)
+        self._at_s = min(to_s, self._read_s)
         self._next = self._row_at(self._at_s, 'left')
         to_ns = int(self._after_ns[self._next])
         # By whole seconds, so that a place and its stamp have the same decimals.
@@ -164,24 +178,32 @@ class PlayedBag:
 
     def trace(self, config: ChainConfig) -> dict[str, Any]:
         """Return what a chain makes of the recording, see :func:`.trace_of`, and the labels."""
-        ends = self.hand_labels.ends
-        rows = [piece._replace(**self._label_of(piece)) for piece in self._track.rows()]
-        traced = trace_of(config, rows, self._track.sample_rate_hz, BINS)
-        return {**traced, 'duration_s': self.duration_s, 'slip_s': pairs_of(ends)}
+        if not len(self._after_ns):
+            refuse('nothing of it is read yet', 'in a moment')
+        # Meanwhile more may be read.
+        read_s, track = self._read_s, self._track
+        rows = [piece._replace(**self._label_of(piece)) for piece in track.rows()]
+        traced = trace_of(config, rows, track.sample_rate_hz, BINS)
+        times = {'read_s': read_s, 'duration_s': self.duration_s}
+        return {**traced, **times, 'slip_s': pairs_of(self._labels.ends)}
 
     @property
     def hand_labels(self) -> HandLabels:
-        """The labels; a ValueError while it is read."""
-        if self._labels is None:
-            raise ValueError(f'{self.path.name} is being read, allowed: when all is read')
+        """The labels, to be changed; a ValueError while it is read."""
+        if self._reading:  # Those in the recording itself are not all known yet.
+            refuse(f'{self.path.name} is being read', 'labels when all is read')
         return self._labels
+
+    @property
+    def _read_s(self) -> float:
+        return float(self._after_ns[-1] * 1e-9)
 
     def _row_at(self, at_s: float, side: Any) -> int:
         return int(np.searchsorted(self._after_ns, round(at_s * 1e9), side))
 
     def _label_of(self, rows: Samples) -> dict[str, Any]:
         """Return the present labels of rows."""
-        return self.hand_labels.at(rows.stamps_ns - self._track.samples.stamps_ns[0])
+        return self._labels.at(rows.stamps_ns - self._track.samples.stamps_ns[0])
 
     # What pages request.
 
@@ -190,10 +212,11 @@ class PlayedBag:
     ) -> None:
         """Play, stop, or go on at another speed or place."""
         if to_s is None and playing and not self.playing:
-            to_s = 0.0 if self._next == len(self._after_ns) else self._at_s
+            at_end = not self._reading and self._next == len(self._after_ns)
+            to_s = 0.0 if at_end else self._at_s
         self.speed = speed or self.speed
         self.playing = self.playing if playing is None else playing
-        if to_s is not None and self._labels:
+        if to_s is not None and len(self._after_ns):
             self.move(to_s)
 
     async def answer_bag_trace(self) -> dict[str, Any]:

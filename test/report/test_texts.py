@@ -32,7 +32,7 @@ from slip_detector.report.texts import (
     TABLES,
     answer,
     bad_recordings,
-    compared,
+    compare,
     evaluation_tables,
 )
 from support.replay_cases import CONFIG, RATE_HZ, ridges
@@ -147,7 +147,7 @@ def test_two_sets_of_figures_are_beside_each_other_and_better_or_worse_as_a_sear
     known = dict.fromkeys(COMPARABLE, 1.0) | {'latency_accuracy_ms': 0.0}
     before = {**known, 'recall': 0.5, 'press_on_percent': 30.0, 'coverage': 0.996}
     after = {**known, 'recall': 0.75, 'press_on_percent': None, 'latency_worst_ms': -120.0}
-    assert compared(before, after) == [
+    assert compare(before, after) == [
         ('share found', '0.500', '0.750', 'better'),
         # A search takes these for equal.
         ('ON during slips', '0.996', '1.000', ''),

@@ -16,6 +16,7 @@
 """A recording is played as if it were live, and its labels are kept beside it."""
 
 import asyncio
+import functools
 import json
 import shutil
 
@@ -37,6 +38,8 @@ from support.simulated_detectors import SimulatedDetectors
 from support.training import samples, slipping
 
 FINGER = '/index/slip_detector'
+
+approx = functools.partial(pytest.approx, abs=0.02)
 
 #: Of a plate that slides once: its rows, and when it begins and ends to slide.
 ROWS = samples(slipping(), 9.6, seed=3)
@@ -180,27 +183,34 @@ def test_labels_that_exist_are_shown_and_changed_in_their_file(tmp_path):
     assert within.ask('trace')['slip_s'] == [pytest.approx(SLIP_S, abs=0.003)]
 
 
-def test_while_it_is_read_the_page_says_so_and_nothing_else(tmp_path):
+def test_what_is_read_is_seen_and_played_and_labels_wait_for_the_rest(tmp_path):
     played = Played(tmp_path / 'old.npz', read=False)
     assert played.state['reading'] == 'opening'
-    loader, rows = played.bag._loader, []
+    assert 'nothing of it is read' in played.ask('trace')['refusal']
+    assert len(played.play(1.0)[0]) == 0
+    loader, half = played.bag._loader, len(ROWS.volts) // 2
 
     def pieces():
-        yield from (ROWS.take(slice(1900)), ROWS.take(slice(1900, None)))
-        assert played.state['reading'] == 'reading, 0 min so far'
-        for refused in (played.ask('trace'), played.ask('label', slip_s=[[1.0, 2.0]])):
-            assert 'is being read' in refused['refusal']
-        assert played.ask('play', to_s=8.0)['refusal'] == ''
-        rows.extend(played.play(1.0)[0])
+        yield ROWS.take(slice(half))
+        before = played.state
+        assert (before['reading'], before['duration_s']) == ('reading 0 of 0 min', approx(9.6))
+        trace = played.ask('trace')
+        assert (trace['read_s'], trace['duration_s']) == (approx(4.8), approx(9.6))
+        played.ask('play', to_s=8.0)
+        assert len(played.play(1.0)[0]) == 1  # It waits for more at the end of what is read.
+        assert 'is being read' in played.ask('label', slip_s=[[1.0, 2.0]])['refusal']
+        yield ROWS.take(slice(half, None))
 
-    class Slow(RecordingLoader):
+    class Halves(RecordingLoader):
         def open(self, path, require_truth=True):
             return loader.open(path, require_truth)._replace(rows=pieces())
 
-    played.bag._loader = Slow()
+    played.bag._loader = Halves()
     played.bag.read()
-    assert (played.state['reading'], rows) == ('', [])
-    np.testing.assert_array_equal(played.play(1.0)[1][0], ROWS.volts[0])
+    assert played.state['reading'] == ''
+    _, volts = played.play(1.0)
+    np.testing.assert_array_equal(volts, ROWS.volts[half : half + len(volts)])
+    assert len(volts) > 300
     assert played.ask('label', slip_s=[[1.0, 2.0]])['refusal'] == ''
 
 

@@ -58,8 +58,7 @@ export class Played extends RecordingTrace {
 
   show(state) {
     const {at_s: at, duration_s: end, reading} = state, {frame} = this;
-    const differs = (part) => String(state[part]) !== String(this.state?.[part]);
-    const changed = ['slip_s', 'changes', 'reading'].some(differs);
+    const changed = String(state.changes) !== String(this.state?.changes);
     this.state = state;
     this.root.hidden = false;
     write('bag-play', state.playing ? 'Stop' : 'Play');

@@ -124,6 +124,7 @@ export class RecordingTrace {
     const seen = this.ends.map((end, i) => end.show(ends[i], 0, trace.duration_s));
     this.ends.forEach((end, i) => end.place(seen[i] / pixel));
     bars(context, xOf, seen, 0, height, TRUTH);
+    bars(context, xOf, [trace.read_s, trace.duration_s], 0, height, HATCHING);
     bars(context, xOf, trace.on_s.flat(), height - STRIP, STRIP, ON);
     const first = Math.max(0, Math.floor(scrollLeft * pixel / bin) - 1);
     const stop = Math.min(trace.level.length, Math.ceil((scrollLeft + width) * pixel / bin) + 1);
