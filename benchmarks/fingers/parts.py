@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from slip_detector.parameters import RecordingConfig, write_yaml
-from slip_detector.recordings import recording_sets
+from slip_detector.recordings import group_recordings
 from slip_detector.recordings.array_recordings import STAMPS_KEY
 from slip_detector.recordings.labels import ACCURACY, KEY, KIND, labels_name
 from slip_detector.tuning.tracks import Track, edges_of
@@ -40,7 +40,7 @@ Tracks = Mapping[Path, Track]
 
 def recordings_in(folder: Path) -> list[Path]:
     """Return the recordings in a folder, and those in the folders in it."""
-    return [*itertools.chain(*recording_sets([str(folder)]).values())]
+    return [*itertools.chain(*group_recordings([str(folder)]).values())]
 
 
 def divide(tracks: Tracks, config: RecordingConfig, folder: Path) -> list[list[Path]]:

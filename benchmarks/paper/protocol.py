@@ -33,9 +33,7 @@ from benchmarks.measurement import Bound
 from slip_detector.chain.samples import Floats, Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation import figures
-from slip_detector.parameters import ChainConfig, refuse
-from slip_detector.recordings import rates_differ
-from slip_detector.recordings.rates import rate_of
+from slip_detector.parameters import ChainConfig
 from slip_detector.scenes import find_scene, load_scene
 
 #: The scenes of the plates, by the spatial period in micrometres (Section 3).
@@ -144,11 +142,6 @@ def evaluate_plates(
     dict
         ``plates`` and ``all``; see the docstring of :mod:`benchmarks.paper.command`.
 
-    Raises
-    ------
-    ValueError
-        When the chain cannot be built or a trial does not suit it; names the plate.
-
     Examples
     --------
     >>> time_s = np.arange(760) / 380.0
@@ -159,15 +152,9 @@ def evaluate_plates(
     (100.0, 1)
     """
     chain = SlipChain(config)
-    outcomes = {}
-    for plate, trials in plates.items():
-        rate = rate_of(trials[0].stamps_ns, f'the stamps of plate {plate}')
-        channels = trials[0].volts.shape[1]
-        if rates_differ(rate, config.sample_rate_hz) or channels != config.channels:
-            text = f'{config.channels} at {config.sample_rate_hz:g} Hz'
-            text = f'as the parameters channels and sample_rate_hz, {text}'
-            refuse(f'plate {plate} has {channels} channels at {rate:g} Hz', text)
-        outcomes[plate] = [run_trial(chain, trial) for trial in trials]
+    outcomes = {
+        plate: [run_trial(chain, trial) for trial in trials] for plate, trials in plates.items()
+    }
     return {
         'plates': {plate: plate_figures(several) for plate, several in outcomes.items()},
         'all': plate_figures([one for several in outcomes.values() for one in several]),
@@ -256,11 +243,6 @@ def run_protocol(
     dict
         ``plates``, ``all``, ``windows``, ``bands`` and ``claims``; see the docstring of
         :mod:`benchmarks.paper.command`.
-
-    Raises
-    ------
-    ValueError
-        When the chain cannot be built or does not suit the scenes.
     """
     result = {
         **evaluate_plates(plates, config),

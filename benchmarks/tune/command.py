@@ -27,8 +27,7 @@ Keys of ``python -m benchmarks tune --json``; with ``--part`` only the named one
 """
 
 import argparse
-import functools
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import Any
 
 from benchmarks.measurement import Bound, shared_options
@@ -67,28 +66,20 @@ def options() -> argparse.ArgumentParser:
 
 def measure(words: argparse.Namespace) -> dict[str, Any]:
     """Measure reading, evaluation and search, and what tuning brings."""
-    return {part: MEASURES[part](words) for part in words.part or MEASURES}
+    result = {}
+    for part in words.part or MEASURES:
+        measure_part, *quick = MEASURES[part]
+        seed = {'seed': words.seed} if part == 'families' else {}
+        result[part] = measure_part(*(quick if words.quick else ()), **seed)
+    return result
 
 
-Measure = Callable[[argparse.Namespace], dict[str, Any]]
-
-
-def _either(measure: Callable[..., dict[str, Any]], *little: Any) -> Measure:
-    """Return what measures little if it is to be quick."""
-    return lambda words: measure(*little) if words.quick else measure()
-
-
-def _families(words: argparse.Namespace) -> dict[str, Any]:
-    """Tune with the seed that is given."""
-    measure_families = functools.partial(families.measure_families, seed=words.seed)
-    return _either(measure_families, 4, range(2), range(2, 3))(words)
-
-
-MEASURES: dict[str, Measure] = {
-    'evaluate': _either(hour.measure_evaluation, 50.0, 2),
-    'read': _either(hour.measure_reading, 30.0),
-    'search': _either(hour.measure_search, 4, 0.5),
-    'families': _families,
-    'onset': _either(onset.measure_onset, range(6000, 6001)),
-    'presses': _either(presses.measure_presses, range(7700, 7701)),
+#: What measures each part, and its arguments if it is to be quick.
+MEASURES: dict[str, Sequence[Any]] = {
+    'evaluate': (hour.measure_evaluation, 50.0, 2),
+    'read': (hour.measure_reading, 30.0),
+    'search': (hour.measure_search, 4, 0.5),
+    'families': (families.measure_families, 4, range(2), range(2, 3)),
+    'onset': (onset.measure_onset, range(6000, 6001)),
+    'presses': (presses.measure_presses, range(7700, 7701)),
 }

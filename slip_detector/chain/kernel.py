@@ -20,9 +20,10 @@ that the data of a block stay in the first-level cache. No result of a row depen
 or a call begins, so any cut of the rows gives the same bits.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,16 +33,9 @@ from slip_detector.chain.layout import flag_layout, state_layout, tiles_of
 from slip_detector.chain.samples import Floats, Ints
 from slip_detector.chain.stages import FIRST_ROW, NO_ROW, WORD_ROWS
 from slip_detector.chain.votes import NO_COMMON_MODE, VOTE_MEAN, vote_numbers
-from slip_detector.compiled import (
-    LANES,
-    compiled_for,
-    compiled_in_place,
-    compiled_within,
-    load,
-    spread,
-    store,
-)
+from slip_detector.compiled import compiled_for, compiled_in_place, compiled_within
 from slip_detector.parameters import COMMON_MODES, ChainConfig
+from slip_detector.vectors import LANES, load, spread, store
 
 Words = NDArray[np.uint64]
 
@@ -54,8 +48,7 @@ class Plan(NamedTuple):
     """All inputs of the kernel except samples and state, and its working memory.
 
     There are t tiles of c columns, g groups and v votes whose statistic is wanted. The working
-    memory is for one block of rows. It has b blocks of a tile: one for each tile, if tiles wait
-    for the contact or the common excess of all channels, else one for all.
+    memory is for one block of rows.
 
     Attributes
     ----------
@@ -71,7 +64,7 @@ class Plan(NamedTuple):
         Columns of the enabled channels of all groups, and where those of each group begin and end.
     votes : ndarray of int, shape (v,)
         The votes whose statistic is wanted.
-    blocks, low : ndarray, shape (b, 64, 16)
+    blocks, low : ndarray, shape (t, 64, 16)
         Rows of a tile, which the stages replace in place, and the floors by activity, in dB.
     common_v, common_db : ndarray, shape (64,)
         Common mode and common excess of each row.
@@ -121,7 +114,6 @@ def plan_of(
     groups = [[c - 1 for c in group if c - 1 not in disabled] for group in config.groups.values()]
     settings = _settings_of(config, sections, low_sections)
     rank = settings['common_rank'][0]
-    blocks = tiles if settings['contact_channels'][0] or rank else 1
     by_channel = bool(wanted or rank or config.vote == 'mean' or config.common_mode != 'none')
     return Plan(
         settings=settings,
@@ -132,8 +124,8 @@ def plan_of(
         members=np.array([c for group in groups for c in group], np.int64),
         bounds=np.cumsum([0] + [len(group) for group in groups], dtype=np.int64),
         votes=vote_numbers(wanted),
-        blocks=aligned((blocks, WORD_ROWS, LANES)),
-        low=aligned((blocks, WORD_ROWS, LANES)),
+        blocks=aligned((tiles, WORD_ROWS, LANES)),
+        low=aligned((tiles, WORD_ROWS, LANES)),
         common_v=np.zeros(WORD_ROWS),
         common_db=np.zeros(WORD_ROWS),
         words=np.zeros((CHUNK_ROWS // WORD_ROWS, 6, tiles * LANES), np.uint64),
@@ -145,7 +137,7 @@ def plan_of(
 
 
 def _settings_of(config: ChainConfig, sections: Floats, low_sections: Floats) -> NDArray[np.void]:
-    """Return the parameters as the kernel reads them: numbers in a record.
+    """Return the parameters as the kernel reads them: the numbers under their names, in a record.
 
     ``mains_rows``, ``impact_v``, ``evidence``, ``contact_channels``, ``activity_cap_db`` and
     ``common_rank`` are 0 where the chain has no such stage. ``free_floors`` says that evidence has
@@ -156,12 +148,13 @@ def _settings_of(config: ChainConfig, sections: Floats, low_sections: Floats) ->
     # The kernel has neither the gain of the low band nor the mean of its window.
     low_gain = low_sections[0, 0] / np.sqrt(config.samples(config.envelope_window_s)) if low else 1
     up_db, down_db = stages.floor_steps_db(config.noise_floor_rate_db_s, config.sample_rate_hz)
-    same_whole = 'channels', 'exponent', 'mains_rows', 'impact_channels', 'impact_rows'
-    same_real = (
-        'threshold', 'noise_floor_range_db', 'evidence_cap_db', 'evidence_offset_db',
-        'evidence_limit_db_s',
-    )  # fmt: skip
-    whole = {name: getattr(config, name) for name in same_whole} | {
+    # By the types of the fields: the record is the same for every configuration.
+    fields = dataclasses.fields(ChainConfig)
+    whole: dict[str, Any] = {f.name: getattr(config, f.name) for f in fields if f.type is int}
+    real: dict[str, Any] = {f.name: getattr(config, f.name) for f in fields if f.type is float}
+    whole |= {
+        'mains_rows': config.mains_rows,
+        'impact_rows': config.impact_rows,
         'common_mode': COMMON_MODES.index(config.common_mode),
         'full_wave': config.rectify == 'full',
         'vote': vote_numbers([config.vote])[0],
@@ -176,7 +169,7 @@ def _settings_of(config: ChainConfig, sections: Floats, low_sections: Floats) ->
         **state_layout(config, len(sections), len(low_sections)),
         **flag_layout(config)._asdict(),
     }
-    real = {name: getattr(config, name) for name in same_real} | {
+    real |= {
         'flat_rows': config.samples(config.flat_after_s) if config.flat_after_s else np.inf,
         'floor_up_db': up_db,
         'floor_down_db': down_db,
@@ -188,8 +181,8 @@ def _settings_of(config: ChainConfig, sections: Floats, low_sections: Floats) ->
         - config.activity_range_db,
         'activity_cap_db': config.activity_cap_db if low else 0.0,
     }
-    fields = [(name, np.int64) for name in whole] + [(name, np.float64) for name in real]
-    return np.array([(*whole.values(), *real.values())], np.dtype((np.record, fields)))
+    types = [(name, np.int64) for name in whole] + [(name, np.float64) for name in real]
+    return np.array([(*whole.values(), *real.values())], np.dtype((np.record, types)))
 
 
 def aligned(shape: tuple[int, ...]) -> Floats:
@@ -275,10 +268,6 @@ def run(volts, flags, signals, tiles, plan, wanted):
     statistics_at = excess_at + width * wanted[stages.EXCESS]
     out = stages.Output(signals, wanted, (0, level_at, floor_at, excess_at))
     gated, shared = settings.contact_channels > 0, settings.common_rank > 0
-    # Where tiles wait for the contact or the common excess of all channels, all tiles take a stage
-    # before the next one begins, each in its own block. Else each tile takes all stages in turn.
-    waits = gated or shared
-    together = plan.active.size if waits else 1
     held, contact, touch = NO_ROW, ~NO_ROW, ~NO_ROW
     for start in range(0, volts.shape[0], WORD_ROWS):
         rows, w = min(WORD_ROWS, volts.shape[0] - start), start % CHUNK_ROWS // WORD_ROWS
@@ -294,26 +283,22 @@ def run(volts, flags, signals, tiles, plan, wanted):
             held = votes.rows_of_impact(rows, settings, plan, words[stages.STEPS], tiles)
         if settings.common_mode != NO_COMMON_MODE:
             votes.find_common_mode(volts, start, rows, settings, plan, valid, tiles)
-        for first in range(0, plan.active.size, together):
-            active = plan.active[first : first + together]
-            for t in active:
-                b, at = t if waits else 0, t * LANES
-                block, low = plan.blocks[b], plan.low[b]
-                _find_envelopes(volts, start, rows, at, block, low, plan, tiles[t], words, out)
-            if gated:
-                contact, touch = votes.rows_of_contact(rows, settings, plan, words, tiles)
-            if settings.evidence != 0:
-                for t in active:
-                    b, at = t if waits else 0, t * LANES
-                    block, low = plan.blocks[b], plan.low[b]
-                    stages.find_excess(
-                        block, low, start, rows, at, plan, tiles[t], words, contact, touch, out
-                    )
-            if shared:
-                votes.find_common_excess(rows, settings, plan)
-            for t in active:
-                block, at = plan.blocks[t if waits else 0], t * LANES
-                _find_decisions(block, start, rows, at, plan, tiles[t], words, held, contact, out)
+        for t in plan.active:
+            block, low, tile = plan.blocks[t], plan.low[t], tiles[t]
+            _find_envelopes(volts, start, rows, t * LANES, block, low, plan, tile, words, out)
+        if gated:
+            contact, touch = votes.rows_of_contact(rows, settings, plan, words, tiles)
+        if settings.evidence != 0:
+            for t in plan.active:
+                block, low, at = plan.blocks[t], plan.low[t], t * LANES
+                stages.find_excess(
+                    block, low, start, rows, at, plan, tiles[t], words, contact, touch, out
+                )
+        if shared:
+            votes.find_common_excess(rows, settings, plan)
+        for t in plan.active:
+            block, at = plan.blocks[t], t * LANES
+            _find_decisions(block, start, rows, at, plan, tiles[t], words, held, contact, out)
         votes.decide(rows, settings, plan, words[stages.ON], valid)
         _write_flags(plan.decisions, flags, start, rows)
         if plan.votes.size:

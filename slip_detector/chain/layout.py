@@ -17,8 +17,8 @@
 import itertools
 from typing import NamedTuple
 
-from slip_detector.compiled import LANES
 from slip_detector.parameters import ChainConfig
+from slip_detector.vectors import LANES
 
 # The first slots of a tile's state. Three of them have one number for all channels, in lane 0 of
 # the first tile: the common mode of the last row, and the remaining rows of the hold times of an

@@ -19,7 +19,6 @@ the chain once a second or more rarely, after its rows, so that the rows cost no
 """
 
 import threading
-import time
 from collections import deque
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
@@ -46,11 +45,6 @@ DECISION_PARAMETERS = names_that_affect(ChainConfig, 'decision')
 #: Properties on which the layout of the state depends. A decision that changes one of them needs a
 #: new chain.
 LAYOUT_PROPERTIES = {'low_band_hz', 'impact_rows'}
-
-#: A chain is built when no other change has followed for this time: parameters that come one by
-#: one are complete then. Where they never end, this is the longest time from the first one. What
-#: comes while a chain is built is for the next one.
-GATHER_S, GATHER_AT_MOST_S = 0.5, 10.0
 
 #: Parameters after whose change the kept rows cannot be used. Some belong to the detector: another
 #: field of a message is another signal.
@@ -197,11 +191,10 @@ class LiveChain:
 
     When only parameters of the decision change (threshold, vote, groups, ..., and those of floors,
     evidence, contact and impacts), the new chain is ready at once and takes over the state of the
-    running one, unless it needs other state than that has. Otherwise a separate thread waits
-    ``GATHER_S`` for a later change, builds the chain and gives it the rows of the last
-    ``HISTORY_S``: it decides as if it had run for that long, with
-    noise floors that follow from the running chain's. When the rate, the number of channels or the
-    input changes, it starts without any rows.
+    running one, unless it needs other state than that has. Otherwise a separate thread builds the
+    chain, and it gets the rows of the last ``HISTORY_S``: it decides as if it had run for that
+    long, with noise floors that follow from the running chain's. When the rate, the number of
+    channels or the input changes, it starts without any rows.
 
     Parameters
     ----------
@@ -237,11 +230,9 @@ class LiveChain:
         # The history when slip last came ON, if there was no slip in it, and the rows since slip.
         self._rest: list[NDArray[np.float64]] = []
         self._rows_at_rest = 0
-        # Waits for other changes, then builds the chain that was ordered last: one at a time.
-        self._builder: threading.Thread | None = None
-        self._building = threading.Lock()
-        # When the first of the changes came, and whether what is being built is still wanted.
-        self._first_s, self._wanted = 0.0, False
+        # The chain that is to be built next; whether the one that is being built is wanted.
+        self._ordered: DetectorConfig | None = None
+        self._wanted, self._building = False, threading.Lock()
         # A configuration that can be taken, with a new chain if it is for the chain, and the rows
         # in which that settles.
         self._ready: tuple[DetectorConfig, SlipChain | None, int] | None = None
@@ -294,18 +285,14 @@ class LiveChain:
         begun yet; what is built already is swapped in until then. If it can be swapped in at once,
         it replaces all earlier ones.
         """
-        now_s = time.monotonic()
         with self._lock:
             differ = self._differ(config)
             if differ <= DECISION_PARAMETERS:
                 self._ready = config, SlipChain(config) if differ else None, 0
-                self._builder, self._wanted = None, False
+                self._ordered, self._wanted = None, False
                 return True
-            self._first_s = self._first_s if self._builder else now_s
-            wait_s = min(GATHER_S, max(0.0, self._first_s + GATHER_AT_MOST_S - now_s))
-            self._builder = builder = threading.Timer(wait_s, self._build, [config])
-            builder.daemon = True
-        builder.start()
+            self._ordered = config
+        threading.Thread(target=self._build, args=[config], daemon=True).start()
         return False
 
     def swap(self) -> bool:
@@ -355,12 +342,12 @@ class LiveChain:
         return {name for name in names if getattr(old, name, None) != getattr(config, name, None)}
 
     def _build(self, config: DetectorConfig) -> None:
-        """Build a chain, unless it was ordered again, or another was, meanwhile."""
+        """Build a chain, unless another was ordered meanwhile."""
         with self._building:
             with self._lock:
-                if self._builder is not threading.current_thread():
+                if self._ordered is not config:
                     return
-                self._builder, self._wanted = None, True
+                self._ordered, self._wanted = None, True
             chain = SlipChain(config)
             settling = min(settling_rows(config), config.samples(HISTORY_S))
             with self._lock:

@@ -25,8 +25,8 @@ from slip_detector.chain.filters import design, design_low
 from slip_detector.chain.layout import FlagLayout, flag_layout, state_layout, tiles_of
 from slip_detector.chain.samples import Bools, Floats
 from slip_detector.chain.stamps import StampGrid
-from slip_detector.compiled import LANES
 from slip_detector.parameters import ChainConfig
+from slip_detector.vectors import LANES
 
 #: The signals that a result may have beside decisions, in the order of the kernel.
 SIGNALS = ('envelope', 'level', 'floor', 'excess')
@@ -333,7 +333,7 @@ def _rest_db(config: ChainConfig, rows: Floats) -> Floats:
     result = SlipChain(config).update(rows, level=False)
     settling = config.mains_rows + config.samples(config.envelope_window_s)
     # In rows that repeat a sample, and before the windows have moved, the level is no noise.
-    moves = result.valid & (rows != np.concatenate([rows[:1], rows[:-1]]))
+    moves = result.valid & (rows != np.concatenate([rows[:1], rows[:-1]])) & (result.envelope > 0)
     age = np.cumsum(np.maximum.accumulate(moves, axis=0), axis=0)
     levels = np.where(moves & (age > settling), result.envelope, np.inf)
     level: Floats = np.quantile(levels, stages.QUANTILE, axis=0, method='lower')

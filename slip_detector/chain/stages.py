@@ -31,11 +31,10 @@ import numpy as np
 
 from slip_detector.chain import layout
 from slip_detector.chain.samples import Floats
-from slip_detector.compiled import (
+from slip_detector.compiled import compiled_in_place, compiled_within
+from slip_detector.vectors import (
     LANES,
     absolute,
-    compiled_in_place,
-    compiled_within,
     floats_of,
     is_number,
     load,
@@ -361,27 +360,27 @@ def find_excess(block, low, start, rows, at, plan, tile, words, contact, touch, 
     A channel that does not count has NaN, and keeps its floor; so has one without a floor yet.
     Floors move in the rows of the word ``touch`` only; a floor that is NaN begins there with the
     envelope. If none are given, the least is NaN, and floors begin and move only in rows in which
-    the channel's samples change: a sensor that stands still for a moment is no level of noise. The
-    effective floor follows ``low``, in dB, from the floor itself up to a cap above it. For the
-    common excess, ``low`` becomes the excess over the floor itself, at least 0 (also without a
-    floor), or infinity where a channel does not count.
+    the channel's samples change and its envelope is above 0: a sensor that stands still for a
+    moment is no level of noise. The effective floor follows ``low``, in dB, from the floor itself
+    up to a cap above it. For the common excess, ``low`` becomes the excess over the floor itself,
+    at least 0 (also without a floor), or infinity where a channel does not count.
     """
     settings, limits, valid = plan.settings[0], plan.limits[at // LANES], load(words, (VALID, at))
     moves = valid if settings.free_floors == 0 else load(words, (MOVES, at))
     settle_rows = float(settings.mains_rows + settings.envelope_rows)
     least_db, lift_db = load(limits, (LEAST_DB, 0)), settings.activity_cap_db
-    most_db = least_db + settings.noise_floor_range_db
+    most_db, is_given = least_db + settings.noise_floor_range_db, is_number(least_db)
     up_db, down_db = spread(settings.floor_up_db), spread(-settings.floor_down_db)
     age, floor, row = load(tile, (layout.AGE, 0)), load(tile, (layout.FLOOR, 0)), spread(FIRST_ROW)
     for k in range(rows):
         square = load(block, (k, 0))
         level = root_decibels(square)
-        is_moving = (moves & row) != NO_ROW
+        is_moving = ((moves & row) != NO_ROW) & (is_given | (square > 0.0))
         age = select(is_moving | (age > 0.0), age + 1.0, age)
         counts = ((valid & row) != NO_ROW) & (age > settle_rows)
         if touch & FIRST_ROW:
             moved = floor + select(level > floor, up_db, down_db)
-            moved = select(is_number(floor), moved, select(square > 0.0, level, least_db))
+            moved = select(is_number(floor), moved, level)
             moved = select(moved < least_db, least_db, moved)
             moved = select(moved > most_db, most_db, moved)
             floor = select(counts & is_moving, moved, floor)

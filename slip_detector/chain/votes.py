@@ -38,19 +38,9 @@ from numpy.typing import NDArray
 
 from slip_detector.chain import layout, stages
 from slip_detector.chain.stages import FIRST_ROW, NO_ROW, WORD_ROWS
-from slip_detector.compiled import (
-    LANES,
-    compiled,
-    compiled_in_place,
-    compiled_within,
-    floor,
-    is_number,
-    load,
-    select,
-    spread,
-    store,
-)
+from slip_detector.compiled import compiled, compiled_in_place, compiled_within
 from slip_detector.parameters import ChainConfig, convert
+from slip_detector.vectors import LANES, floor, is_number, load, select, spread, store
 
 #: The values of the parameter ``common_mode`` as numbers, in the order of ``COMMON_MODES``.
 NO_COMMON_MODE, MEDIAN, MEAN = range(3)

@@ -162,11 +162,9 @@ def run(name: str, work: Callable[[], str]) -> int:
             return code
     try:
         print(text, flush=True)
-    except (OSError, KeyboardInterrupt) as error:
+    except OSError as error:
         # The interpreter flushes the rest of the buffer at exit, which must not fail again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if isinstance(error, KeyboardInterrupt):
-            raise
         if not isinstance(error, BrokenPipeError):
             sys.stderr.write(f'{name}: the output cannot be written ({error.strerror})\n')
             return 1

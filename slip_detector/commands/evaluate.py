@@ -40,7 +40,7 @@ node. A recording that cannot be read or does not suit the chain is left out, an
 ``note``
     Where recordings have no labels: how to label them.
 ``left_out``
-    Why recordings are left out that cannot be read or do not suit the chain, by their paths.
+    By the reason, the recordings that cannot be read or do not suit the chain.
 ``not_evaluated``
     After Ctrl-C: the recordings that were not evaluated.
 ``written``
@@ -51,6 +51,7 @@ import dataclasses
 import itertools
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -60,7 +61,7 @@ from slip_detector.commands.command_line import INTERRUPTED, Parser, run
 from slip_detector.evaluation import evaluator
 from slip_detector.evaluation.evaluator import EvaluatedRecording, RecordingLoader
 from slip_detector.parameters import name_list
-from slip_detector.recordings import recording_sets
+from slip_detector.recordings import group_recordings
 from slip_detector.recordings.labels import ENDING, KEY
 from slip_detector.report.overview import overview_of
 from slip_detector.report.page import write_evaluation_report
@@ -74,7 +75,7 @@ def evaluate(
     loader: RecordingLoader,
     calls: workers.Calls | None = None,
     for_report: bool = False,
-) -> tuple[dict[Path, EvaluatedRecording], dict[Path, ValueError]]:
+) -> dict[Path, EvaluatedRecording | ValueError]:
     """Evaluate recordings, in parallel where there are several workers.
 
     Parameters
@@ -90,35 +91,18 @@ def evaluate(
 
     Returns
     -------
-    done, refused : dict
-        What came of each recording, and why others cannot be read or do not suit the chain. After
-        Ctrl-C some are in neither.
-
-    Raises
-    ------
-    ValueError
-        When none can be evaluated; names the first.
-    KeyboardInterrupt
-        When Ctrl-C was pressed before the first recording was evaluated.
+    dict
+        What came of each recording; the error where it cannot be read or does not suit the chain.
+        After Ctrl-C some are missing.
     """
     observe = partial(overview_of, loader.chain_config, 1 / len(files)) if for_report else None
     function = partial(_evaluate_one, loader, observe)
-    done, refused = dict[Path, EvaluatedRecording](), dict[Path, ValueError]()
-    with workers.progress_bar(len(files), 'recording') as bar:
-        try:
-            every = calls(function, files) if calls else enumerate(map(function, files))
-            for place, one in every:
-                if isinstance(one, ValueError):
-                    refused[files[place]] = one
-                else:
-                    done[files[place]] = one
-                bar.update()
-        except KeyboardInterrupt:
-            if not done:
-                raise
-    if not done:
-        raise refused[files[0]]
-    return done, refused
+    results: dict[Path, EvaluatedRecording | ValueError] = {}
+    with workers.progress_bar(len(files), 'recording') as bar, suppress(KeyboardInterrupt):
+        for place, result in calls(function, files) if calls else enumerate(map(function, files)):
+            results[files[place]] = result
+            bar.update()
+    return results
 
 
 def _evaluate_one(
@@ -137,7 +121,7 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
         'sets': {
             name: {
                 **evaluator.recording_figures(files.values()),
-                'recordings': {file: _figures_of(files[file]) for file in files},
+                'recordings': {file: _collect_figures(files[file]) for file in files},
             }
             for name, files in sets.items()
         },
@@ -153,7 +137,7 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
     return report
 
 
-def _figures_of(recording: EvaluatedRecording) -> dict[str, Any]:
+def _collect_figures(recording: EvaluatedRecording) -> dict[str, Any]:
     """Return the figures and events of one recording."""
     outcome, counts = recording.outcome, recording.counts
     figures = {
@@ -180,21 +164,28 @@ def main(argv: Sequence[str] | None = None) -> int:
     page, left = options.report, list[str]()
 
     def work() -> str:
-        loader = workers.with_options(options, RecordingLoader())
+        loader = workers.apply_options(options, RecordingLoader())
         # Errors are reported before an hour of recordings is read.
         workers.check_apart({'--report': page}, options.config, options.labels)
-        paths = recording_sets(options.recordings)
-        files = [*itertools.chain(*paths.values())]
+        sets = group_recordings(options.recordings)
+        files = [*itertools.chain(*sets.values())]
         with workers.processes(options.jobs) as calls:
-            done, refused = evaluate(files, loader, calls, page is not None)
-        left[:] = [str(file) for file in files if file not in done and file not in refused]
-        sets = {name: [file for file in of if file in done] for name, of in paths.items()}
-        evaluated = {
-            name: {file.name: done[file] for file in of} for name, of in sets.items() if of
-        }
-        report = as_report(evaluated)
-        report['left_out'] = {str(file): str(error) for file, error in refused.items()}
-        report['answer'] += [f'Left out: {error}' for error in report['left_out'].values()]
+            results = evaluate(files, loader, calls, page is not None)
+        left[:] = [str(file) for file in files if file not in results]
+        evaluated: dict[str, dict[str, EvaluatedRecording]] = {}
+        left_out = dict[str, list[str]]()
+        for name, file in [(name, file) for name, of in sets.items() for file in of]:
+            if isinstance(result := results.get(file), EvaluatedRecording):
+                evaluated.setdefault(name, {})[file.name] = result
+            elif result:
+                left_out.setdefault(str(result).removeprefix(f'{file}: '), []).append(str(file))
+        if not evaluated:
+            first = results.get(files[0])
+            raise first if isinstance(first, ValueError) else KeyboardInterrupt
+        report = as_report(evaluated) | {'left_out': left_out}
+        report['answer'] += [
+            f'Left out: {name_list(of, 3)}: {why}' for why, of in left_out.items()
+        ]
         if left:
             report['not_evaluated'] = left
         if page:

@@ -159,11 +159,12 @@ def _search(
     from slip_detector.report.page import replay_variant, write_page
 
     problem, held, study, verdict, notes = result
-    given, found = parameters.chain, verdict.tried or verdict.chain
+    given_chain, tried_chain = parameters.chain, verdict.tried or verdict.chain
+    chains = {'given': given_chain, 'not taken' if verdict.kept else 'tuned': tried_chain}
     parts = {'held out': held, 'tuned on': problem.tracks}
     variants = [
         replay_variant(name, Replay(chain, problem.evaluation), parts)
-        for name, chain in (('given', given), ('not taken' if verdict.kept else 'tuned', found))
+        for name, chain in chains.items()
     ]
     before, after = (variant.figures['all held out'] for variant in variants)
     answers = answer(after, before)
@@ -177,17 +178,17 @@ def _search(
         f'Held out, and not tuned on: {_describe(held)}',
         *notes,
     ]
-    rows, values = compared(before, after), given.to_parameters().items()
-    changes = dict(pair for pair in found.to_parameters().items() if pair not in values)
+    rows, values = compared(before, after), given_chain.to_parameters().items()
+    changes = dict(pair for pair in tried_chain.to_parameters().items() if pair not in values)
     summary = {
         'step': '', 'share': 1.0, 'lines': notes, 'answer': answers, 'kept': verdict.kept,
-        'changes': {**searched_parameters(found), **changes}, 'table': rows,
+        'changes': {**searched_parameters(tried_chain), **changes}, 'table': rows,
     }  # fmt: skip
     other, taken = variants[::-1] if verdict.kept else variants
     # The figures of each recording are after those of each part.
     sentences = answers + bad_recordings(dict([*taken.figures.items()][len(parts) :]))
     page = 'Tuning of the slip detector', [other, taken], sentences, lines, options.out
-    table = text_table([['', *(one.name for one in variants)], *rows], '<>><').splitlines()
+    table = text_table([['', *chains], *rows], '<>><').splitlines()
     return summary, [*lines, 'On what was held out:', *table], lambda path: write_page(path, *page)
 
 
@@ -196,11 +197,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = _arguments(argv)
 
     def work() -> str:
-        parameters = workers.with_options(options, TuningParameters())
-        written = {'--out': options.out, '--report': options.report}
+        parameters = workers.apply_options(options, TuningParameters())
+        outputs = {'--out': options.out, '--report': options.report}
         where = options.storage or f'{options.out}.study.journal'
-        workers.check_apart(written, options.config, options.labels, where)
-        paths = [str(path) for path in written.values() if path is not None]
+        workers.check_apart(outputs, options.config, options.labels, where)
+        paths = [str(path) for path in outputs.values() if path is not None]
         with interrupts_noted(STOPPING) as stop:
             if options.quiet is not None:
                 quiet = parameters.chain, parameters.loader, options.false_alarms_per_hour
@@ -210,8 +211,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                 result, lines, write_report = _search(options, parameters, where, stop)
                 answers, changes = result['answer'], {} if result['kept'] else result['changes']
             file = options.config
-            given = DetectorConfig.from_yaml(file) if file else DetectorConfig()
-            document = parameter_file({'/slip_detector': given.with_values(changes)}, file)
+            config = DetectorConfig.from_yaml(file) if file else DetectorConfig()
+            document = parameter_file({'/slip_detector': config.with_values(changes)}, file)
             now = datetime.datetime.now(datetime.timezone.utc)
             command = shlex.join([NAME, *(sys.argv[1:] if argv is None else argv)])
             title = f'Written by {NAME} on {now:%Y-%m-%d %H:%M} UTC:'

@@ -84,13 +84,13 @@ def add_options(parser: argparse.ArgumentParser, work: str, recordings: str = '*
             group.add_argument(f'--{name}', action=action, default=None, help=meaning)
 
 
-def with_options(options: argparse.Namespace, sets: Any) -> Any:
+def apply_options(options: argparse.Namespace, sets: Any) -> Any:
     """Return a named tuple of parameter sets with the values of ``--config`` and other options.
 
     ``options.config`` becomes the path of the file. A ValueError names a file that is not there.
     """
     if options.labels:
-        with file_errors_of(options.labels, 'read'):
+        with file_errors_of(f'--labels {options.labels}', 'read'):
             os.stat(options.labels)
     if options.config:
         options.config = str(find_parameter_file(options.config))
@@ -100,8 +100,8 @@ def with_options(options: argparse.Namespace, sets: Any) -> Any:
     values = {f'recording_{name}': getattr(options, name) for name in RECORDING_OPTIONS}
     changes = {name: value for name, value in values.items() if value is not None}
     return sets._make(
-        dataclasses.replace(one, **changes) if isinstance(one, RecordingConfig) else one
-        for one in sets
+        dataclasses.replace(config, **changes) if isinstance(config, RecordingConfig) else config
+        for config in sets
     )
 
 
@@ -115,7 +115,7 @@ def check_writable(path: Path) -> None:
     ValueError: no such folder/tuned.yaml: cannot be written (No such file or directory)
     """
     with file_errors_of(path):
-        # Either would be replaced by a file.
+        # A folder or a protected file would be replaced.
         if path.exists() and not (path.is_file() and os.access(path, os.W_OK)):
             raise OSError(0, 'is write-protected' if path.is_file() else 'is no file')
         # whole_file needs to write beside it.
@@ -123,12 +123,12 @@ def check_writable(path: Path) -> None:
             pass
 
 
-def check_apart(written: Mapping[str, Path | None], *read: str | Path | None) -> None:
+def check_apart(outputs: Mapping[str, Path | None], *read: str | Path | None) -> None:
     """Refuse a file to write that is a recording, is read or written too, or cannot be written.
 
     Parameters
     ----------
-    written
+    outputs
         Files to write, by the option that names each; None: the option is not given.
     read
         Files that are read beside recordings, or None.
@@ -140,7 +140,7 @@ def check_apart(written: Mapping[str, Path | None], *read: str | Path | None) ->
     ValueError: --report tuned.yaml: is written by --out too, allowed: a file of its own
     """
     uses = {Path(path).resolve(): 'is read too' for path in read if path}
-    for option, path in written.items():
+    for option, path in outputs.items():
         if path is not None:
             file, own = path.resolve(), f'is written by {option} too'
             use = 'is a recording' if is_recording(file) else uses.setdefault(file, own)
@@ -182,7 +182,7 @@ def processes(jobs: int | None = None) -> Iterator[Calls | None]:
         return
     executors = dict[Any, futures.ProcessPoolExecutor]()
     try:
-        yield functools.partial(_results, executors, jobs)
+        yield functools.partial(_make_calls, executors, jobs)
     finally:
         for process in multiprocessing.active_children():
             process.kill()
@@ -190,7 +190,7 @@ def processes(jobs: int | None = None) -> Iterator[Calls | None]:
             executor.shutdown()
 
 
-def _results(
+def _make_calls(
     executors: dict[Any, futures.ProcessPoolExecutor],
     jobs: int,
     function: Callable[[Any], Any],

@@ -31,7 +31,7 @@ import numpy as np
 from slip_detector.chain.samples import Bools, Floats, Ints
 from slip_detector.compiled import compiled
 from slip_detector.evaluation.events import LASTING, Events
-from slip_detector.evaluation.figures import FALSE, REPEAT, SETTLING, TRUE
+from slip_detector.evaluation.figures import FALSE, REPEAT, SETTLING, TRUE, Alarm
 from slip_detector.parameters import EvaluationConfig
 
 #: Takes the place of the number of an alarm or a slip where there is none.
@@ -177,29 +177,6 @@ def _follow(
     rows_above[above, 1] += rows_until(stretch[1], rest, in_rest)[0]
 
 
-class Matched(NamedTuple):
-    """Slips and alarms of one decision.
-
-    Attributes
-    ----------
-    alarms : list of RowInterval
-    alarm_of : ndarray of int, shape (slips,)
-        The alarm of each slip; ``NONE`` where there is none, or the slip is not scored.
-    slip_of : ndarray of int, shape (alarms,)
-        The slip that each alarm belongs to, also where it is a repeated alarm; else ``NONE``.
-    outcomes : list of str
-        The outcome of each alarm, see :class:`.Alarm`.
-    events : Events
-        The events at the one threshold.
-    """
-
-    alarms: list[RowInterval]
-    alarm_of: Ints
-    slip_of: Ints
-    outcomes: list[str]
-    events: Events
-
-
 class ScoredRows:
     """The rows of a recording that are scored, and those in which the alarm of each slip may rise.
 
@@ -295,17 +272,10 @@ class ScoredRows:
     def _stretch_of(self, rows: Ints) -> Ints:
         return np.searchsorted(self._starts, rows, 'right') - 1
 
-    def alarms(self, on: Sequence[RowInterval]) -> list[RowInterval]:
+    def _alarms(self, on: Sequence[RowInterval]) -> list[RowInterval]:
         """Return the alarms of a decision that is ON in these intervals, which are in order.
 
         Two intervals in one stretch that are less than ``off_rows`` apart are one alarm.
-
-        Examples
-        --------
-        >>> config = EvaluationConfig(off_before_s=0.05)
-        >>> rows = ScoredRows([], [RowInterval(0, 100)], 0, config, sample_rate_hz=100.0)
-        >>> rows.alarms([RowInterval(10, 20), RowInterval(24, 30), RowInterval(35, 36)])
-        [RowInterval(start=10, end=30), RowInterval(start=35, end=36)]
         """
         starts, ends = _columns(on)
         stretch = self._stretch_of(starts)
@@ -370,35 +340,49 @@ class ScoredRows:
         of_scored = self.leads_s[self.scored], self.windows_s[self.scored]
         return rises, Events(latencies_ms, *of_scored, lasting, int(np.sum(~self.scored)))
 
-    def match_decision(self, on: Sequence[RowInterval]) -> Matched:
+    def match_decision(
+        self, on: Sequence[RowInterval]
+    ) -> tuple[list[Alarm], dict[int, int], Events]:
         """Match slips and alarms of a decision that is ON in these intervals, which are in order.
+
+        Returns
+        -------
+        alarms : list of Alarm
+        alarm_of : dict
+            The number of the alarm of each scored slip that has one.
+        events : Events
+            The events at the one threshold.
 
         Examples
         --------
         >>> config = EvaluationConfig(off_before_s=0.0, tail_s=0.05)
         >>> slips, stretches = [RowInterval(10, 20), RowInterval(50, 60)], [RowInterval(0, 99)]
         >>> rows = ScoredRows(slips, stretches, 0, config, sample_rate_hz=100.0)
-        >>> matched = rows.match_decision([RowInterval(k, k + 1) for k in (12, 17, 40)])
-        >>> matched.alarm_of, matched.slip_of, matched.outcomes
-        (array([ 0, -1]), array([ 0,  0, -1]), ['true', 'repeat', 'false'])
+        >>> alarms, alarm_of, _ = rows.match_decision([RowInterval(k, k + 1) for k in (12, 17)])
+        >>> alarm_of, [(alarm.outcome, alarm.slip) for alarm in alarms]
+        ({0: 0}, [('true', 0), ('repeat', 0)])
         """
-        edges, alarms = np.array(on, np.int64).ravel(), self.alarms(on)
+        edges, alarms = np.array(on, np.int64).ravel(), self._alarms(on)
         rises, events = self.match(edges, np.resize([1.0, 0.0], edges.size), np.array([0.5]))
-        found, starts = np.flatnonzero(rises != NONE), _columns(alarms)[0]
-        first_alarms = np.searchsorted(starts, rises[found, 0])
-        # Any other alarm belongs to the first slip whose window it rises in.
-        window = np.searchsorted(self.highs, starts, 'right')
-        inside = np.append(self.lows, np.iinfo(np.int64).max)[window] <= starts
-        slip_of, alarm_of = np.where(inside, window, NONE), np.full(len(self.lows), NONE)
-        slip_of[first_alarms], alarm_of[found] = found, first_alarms
-        alarm_of[~self.scored] = NONE
-        # The last element stands for no slip, ``NONE``.
+        slip_of_rise = {row: slip for slip, row in enumerate(rises[:, 0].tolist()) if row != NONE}
+        starts, _ = _columns(alarms)
         settles = starts < self.settled[self._stretch_of(starts)]
-        settles |= ~np.append(self.scored, True)[slip_of]
-        cases = {SETTLING: settles, FALSE: slip_of == NONE}
-        cases[TRUE] = np.isin(np.arange(len(alarms)), first_alarms)
-        outcomes = np.select([*cases.values()], [*cases], REPEAT).tolist()
-        return Matched(alarms, alarm_of, slip_of, outcomes, events)
+        # Any other alarm belongs to the first slip whose window it rises in.
+        windows = np.searchsorted(self.highs, starts, 'right')
+        inside = np.append(self.lows, np.iinfo(np.int64).max)[windows] <= starts
+        alarm_of, found = dict[int, int](), list[Alarm]()
+        for number, (start, end) in enumerate(alarms):
+            slip = slip_of_rise.get(start, int(windows[number]) if inside[number] else None)
+            if settles[number] or (slip is not None and not self.scored[slip]):
+                outcome = SETTLING
+            elif slip is None:
+                outcome = FALSE
+            elif start in slip_of_rise:
+                outcome, alarm_of[slip] = TRUE, number
+            else:
+                outcome = REPEAT
+            found.append(Alarm(start / self._rate_hz, end / self._rate_hz, outcome, slip))
+        return found, alarm_of, events
 
 
 def _columns(intervals: Sequence[RowInterval]) -> tuple[Ints, Ints]:

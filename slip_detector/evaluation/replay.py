@@ -30,8 +30,8 @@ from slip_detector.chain.live_chain import Watch
 from slip_detector.chain.samples import Bools, Floats, Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.chain.stamps import missing_rows
-from slip_detector.evaluation.figures import ALREADY_ON, STAGES, Alarm, ReplayOutcome, TrueSlip
-from slip_detector.evaluation.matching import NONE, OnIntervals, ScoredRows, unscored_rows
+from slip_detector.evaluation.figures import ALREADY_ON, STAGES, ReplayOutcome, TrueSlip
+from slip_detector.evaluation.matching import OnIntervals, ScoredRows, unscored_rows
 from slip_detector.evaluation.scores import UNCERTAIN, RowClasses, ScoreTally, row_classes
 from slip_detector.parameters import ChainConfig, EvaluationConfig
 
@@ -255,13 +255,13 @@ class _Run:
         config, rate_hz, accuracy_s = self._replay.config, self._rate_hz, self._last.accuracy_s
         known = rate_hz, accuracy_s, self._last.kind
         rows = ScoredRows(labels, stretches, self._settling, config, *known)
-        matched = rows.match_decision(on)
+        alarms, alarm_of, events = rows.match_decision(on)
         late_rows = round((config.late_after_s + accuracy_s) * rate_hz)
         slips = []
         for s, (label, (stages, lost_at)) in enumerate(zip(labels, self._slips, strict=True)):
-            alarm, settling = int(matched.alarm_of[s]), not rows.scored[s]
-            found = alarm != NONE
-            latency = matched.alarms[alarm].start - label.start if found else 0
+            found, settling = s in alarm_of, not rows.scored[s]
+            start = round(alarms[alarm_of[s]].start_s * rate_hz) if found else label.start
+            latency = start - label.start
             # The rise that was followed may belong to an alarm that began before the slip.
             exact = found and sum(stages.values()) == latency and not accuracy_s
             parts = {stage: length / rate_hz for stage, length in stages.items()}
@@ -269,7 +269,7 @@ class _Run:
                 TrueSlip(
                     start_s=label.start / rate_hz,
                     end_s=label.end / rate_hz,
-                    alarm=alarm if found else None,
+                    alarm=alarm_of.get(s),
                     latency_s=latency / rate_hz if found else None,
                     accuracy_s=accuracy_s,
                     settling=settling,
@@ -279,7 +279,6 @@ class _Run:
                     on_at_start=(stages, lost_at) == UNFOLLOWED,
                 )
             )
-        alarms = zip(matched.alarms, matched.outcomes, matched.slip_of.tolist(), strict=True)
         invalid_rows = (_length(stretches) - self._valid_rows).astype(np.int64)
         invalid_rows[[channel - 1 for channel in self._config.disabled_channels]] = 0
         return ReplayOutcome(
@@ -289,11 +288,8 @@ class _Run:
             settling_rows=rows.settling_rows,
             sample_rate_hz=rate_hz,
             slips=tuple(slips),
-            alarms=tuple(
-                Alarm(start / rate_hz, end / rate_hz, outcome, None if slip == NONE else slip)
-                for (start, end), outcome, slip in alarms
-            ),
-            events=matched.events,
+            alarms=tuple(alarms),
+            events=events,
             scores=self._replay.tally.collect(),
             on_s=tuple((start / rate_hz, end / rate_hz) for start, end in on),
             invalid_rows=tuple(invalid_rows.tolist()),

@@ -110,10 +110,10 @@ class ScoreCounts(NamedTuple):
     def auc(self, against: Iterable[int] = range(SLIP)) -> float | None:
         """Return the area under the ROC curve of slip against rows of these classes.
 
-        It is the share of pairs of a row with slip and one without in which that with slip has the
-        higher score; None where there are no pairs. Two scores in one bin count as equal. The
-        error of the area is at most half the share of such pairs, about 1e-4 for scores that are
-        spread over an octave.
+        The area is the share of pairs, of a row with slip and a row without, in which the row with
+        slip has the higher score; None where there are no pairs. Two scores in one bin count as
+        equal. The error of the area is at most half the share of such pairs, about 1e-4 for scores
+        that are spread over an octave.
         """
         positive, negative = self.counts[SLIP], self.counts[list(against)].sum(axis=0)
         pairs = int(positive.sum()) * int(negative.sum())
@@ -126,9 +126,9 @@ class ScoreCounts(NamedTuple):
         Returns
         -------
         dict
-            ``auc_all``, and ``auc_<class>`` for each of :data:`WITHOUT_SLIP`; and ``auc``: the
-            mean of that against rest, in motion where that is known, and of the mean of those
-            against the other kinds of recordings. None where one is not defined.
+            ``auc_all``, and ``auc_<class>`` for each of :data:`WITHOUT_SLIP`. ``auc`` is the mean
+            of two areas: against rest (against motion, where that is known), and the mean area
+            against the other kinds of recordings. None where an area is not defined.
         """
         areas = {f'auc_{name}': self.auc([number]) for number, name in enumerate(WITHOUT_SLIP)}
         rest, moving, *others = areas.values()

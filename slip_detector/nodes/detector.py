@@ -31,7 +31,7 @@ from slip_detector.chain.slip_chain import check_memory
 from slip_detector.chain.stamp_rules import DROPPED
 from slip_detector.chain.stamps import StampGrid
 from slip_detector.nodes.health import Diagnostics, Health, Note
-from slip_detector.nodes.inputs import Input, Senders, publishing_nodes
+from slip_detector.nodes.inputs import Input, Senders, find_publishing_nodes
 from slip_detector.nodes.messages import STEADY, sensor_qos
 from slip_detector.nodes.outputs import Outputs
 from slip_detector.nodes.parameters import declare, follow_changes
@@ -132,19 +132,19 @@ class Detector(LifecycleNode):
         self._chain.reset()
         self._forget_input()
         self._diagnostics = Diagnostics(self)
-        # Whether a sample has come since the last check, how long before that no sample came, and
+        # Whether a sample has come since the last check, for how long none had come by then, and
         # the time of the last check. The timeout begins with the first check.
         self._heard, self._silent_ns, self._now_ns = True, 0, 0
         # By the machine's clock: the last check, and when the clock of the timeout last moved.
         self._checked_ns = self._moved_ns = time.monotonic_ns()
-        # When the last message came, by the machine's clock, and when it was sent, by the clock of
-        # the sender. By that clock, when the messages were sent that wait while this node hangs.
+        # When the last message came, by the machine's clock; when it was sent, by the sender's;
+        # and the sending times of the messages that waited while this node was held up.
         self._came_ns, self._sent_ns, self._waiting_ns = 0, 0, range(0)
         self._listen_s = time.monotonic() + LISTEN_S
         self._health.senders = self._senders = Senders(
             lambda: max(SEVERAL_S, self._active.input_timeout_s),
             'the input',
-            lambda: publishing_nodes(self, self.resolve_topic_name('voltages')),
+            lambda: find_publishing_nodes(self, self.resolve_topic_name('voltages')),
         )
         self._start_timers()
         # The heartbeats of all detectors that publish on the same topics, and the longest of their
@@ -156,7 +156,7 @@ class Detector(LifecycleNode):
         self._health.detectors = self._detectors = Senders(
             lambda: REPORT_S + 1.5 * self._deadline_s,
             'slip',
-            lambda: publishing_nodes(self, self._heartbeats.topic_name),
+            lambda: find_publishing_nodes(self, self._heartbeats.topic_name),
         )
         return SUCCESS
 
@@ -275,7 +275,7 @@ class Detector(LifecycleNode):
         timeout_ns = round(1e9 * self._active.input_timeout_s)
         steady_ns = time.monotonic_ns()
         if steady_ns - self._checked_ns > timeout_ns:
-            # The samples of before are too old, and so are some that were sent since then.
+            # Earlier samples are too old, and so are some that were sent since then.
             self._heard = False
             away_ns = steady_ns - self._came_ns
             self._waiting_ns = range(self._sent_ns + 1, self._sent_ns + away_ns)
@@ -388,10 +388,9 @@ class Detector(LifecycleNode):
         self._last_row, self._frame_id = rows[-1:], frame_id
         age_s = (self.get_clock().now().nanoseconds - at_ns) * 1e-9
         is_old = waited or 0 < self._active.max_age_s < abs(age_s)
-        # Subscribers could not tell these decisions from another detector's.
         if is_old or self._stamp_grid.mostly_bad:
             outputs.withdraw()
-        elif not self._detectors.several:
+        elif not self._detectors.several:  # Subscribers could not tell their decisions apart.
             period_ns = self._stamp_grid.period_ns
             for i, flags in enumerate(result.flags):
                 stamp_ns = at_ns + round((i + 1 - len(rows)) * period_ns)

@@ -31,7 +31,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float32MultiArray, MultiArrayDimension, String
 
 from slip_detector.chain.samples import Floats, Samples
-from slip_detector.nodes.health import ERROR, WARN, Diagnostics, status
+from slip_detector.nodes.health import ERROR, WARN, Diagnostics, make_status
 from slip_detector.nodes.messages import STEADY, sensor_qos, state_qos
 from slip_detector.nodes.parameters import declare
 from slip_detector.parameters import DriverConfig
@@ -54,7 +54,7 @@ POLL_S = 0.02
 CHECK_S = 0.1
 
 #: Period, in seconds, of the reports on a sensor (on ``/diagnostics``, and in the log if something
-#: was dropped or lost), and shortest time between two warnings of a kind.
+#: was dropped or lost), and shortest time between two warnings of the same event.
 REPORT_S = 1.0
 
 #: Counts of a sensor that are not faults.
@@ -162,13 +162,13 @@ class Driver(Node):
             complaints.append((ERROR, source.state))
         elif not since['samples']:
             complaints.append((ERROR, f'no samples come; {source.state}'))
-        values = {kind: str(n) for kind, n in sorted(source.counts.items()) if n}
-        faults = [f'{kind} {n}' for kind, n in sorted(since.items()) if kind not in NO_FAULTS]
+        values = {event: str(n) for event, n in sorted(source.counts.items()) if n}
+        faults = [f'{event} {n}' for event, n in sorted(since.items()) if event not in NO_FAULTS]
         if faults:
             complaints.append((WARN, f'dropped or lost in the last second: {", ".join(faults)}'))
             so_far = ', '.join(map(' '.join, values.items()))
             self.get_logger().warning(f'counted so far: {so_far}')
-        sensor = status('sensor', source.state, complaints, values)
+        sensor = make_status('sensor', source.state, complaints, values)
         self._diagnostics.publish([sensor], self.config.frame_id)
 
     def _wait_for_subscribers(self) -> None:
@@ -196,7 +196,7 @@ class Driver(Node):
                 while len((samples := source.read(1 if obeys else READ_ROWS)).stamps_ns):
                     if not played:  # After the first read, which opens the file and loads code.
                         now_s, now_ns = time.monotonic(), self.get_clock().now().nanoseconds
-                        start_s = aligned(now_s, period_s)
+                        start_s = align(now_s, period_s)
                         # The stamps are the samples' own times, from this time of the clock on.
                         first_stamp_ns = now_ns + round((start_s - now_s) * 1e9)
                     for i, sample_ns in enumerate((begin_ns + samples.stamps_ns).tolist()):
@@ -277,7 +277,7 @@ class Driver(Node):
         self._voltages.publish(message)
 
 
-def aligned(now_s: float, period_s: float) -> float:
+def align(now_s: float, period_s: float) -> float:
     """Return when to begin with periodic messages: soon, and all drivers at the same moments.
 
     The detectors of all fingers then wake up once for all; with rare messages that saves nothing.

@@ -33,7 +33,7 @@ from slip_detector.nodes.messages import sensor_qos, state_qos
 from slip_detector.nodes.rclpy_internals import ROS_ERRORS, PolledTopics
 from slip_detector.parameters import DetectorConfig, fitting, names_that_affect, rates_differ
 from slip_detector.recordings.messages import JointStateReader
-from slip_detector.recordings.rates import rate_of
+from slip_detector.recordings.rates import measure_rate
 from slip_detector.view.detectors import Diagnosis, Finger
 
 #: Parameters on which the subscriptions depend.
@@ -51,7 +51,7 @@ MOST_STATES = 1000
 States = deque[tuple[int, bool]]
 
 
-def state_at(states: States, published_ns: int) -> bool:
+def find_state(states: States, published_ns: int) -> bool:
     """Return the last state that was published before a row of the same process.
 
     A busy detector publishes levels late, after the decisions on the next samples: then a change
@@ -98,7 +98,7 @@ class FingerTopics(PolledTopics):
 
     def _subscribe_to_samples(self, voltages: str) -> None:
         """Subscribe to the input; if that fails, the finger is shown without volts."""
-        kind, self.finger.no_volts = self._config.input_type, ''
+        self.finger.no_volts = ''
         try:
             self._input = Input(self._config)
             self.add(self._input.message_class, voltages, sensor_qos(), 'voltages', raw=True)
@@ -106,8 +106,8 @@ class FingerTopics(PolledTopics):
             self.add(Bool, truth, state_qos(depth=MOST_STATES), 'slip_truth')
         except (ValueError, *ROS_ERRORS):
             # A process can use a topic with one type only.
-            words = f'{kind} is not installed here, or the topic had another type'
-            self.finger.no_volts = f'no volts are shown: {words}'
+            words = 'is not installed here, or the topic had another type'
+            self.finger.no_volts = f'no volts are shown: {self._config.input_type} {words}'
 
     def poll(self) -> None:
         """Process received messages; subscribe again if the detector's parameters require it."""
@@ -141,7 +141,7 @@ class FingerTopics(PolledTopics):
         stamps_ns, counts = np.array(self._messages).T
         rate_hz, before_hz = self._config.sample_rate_hz, self._rate_hz
         with contextlib.suppress(ValueError):  # Stamps that do not rise.
-            rate_hz = rate_of(stamps_ns, 'stamps') * float(np.mean(counts))
+            rate_hz = measure_rate(stamps_ns, 'stamps') * float(np.mean(counts))
         # On a busy machine, or with several senders, each measurement gives another rate.
         if not rates_differ(rate_hz, before_hz) and len(self.senders) < 2:
             self.finger.to_fit = fitting(self.finger.config, channels, rate_hz, samples.names)
@@ -168,7 +168,7 @@ class FingerTopics(PolledTopics):
             return
         first, *others = (samples for _, samples in received)
         counts = [len(samples.volts) for _, samples in received]
-        truth = np.repeat([state_at(self._truth, at_ns) for at_ns, _ in received], counts)
+        truth = np.repeat([find_state(self._truth, at_ns) for at_ns, _ in received], counts)
         self.finger.frame_id = received[-1][1].frame_id
         self.finger.sample_s = time.monotonic()
         self.finger.track.add_samples(first.then(*others)._replace(truth=truth))
@@ -179,7 +179,7 @@ class FingerTopics(PolledTopics):
             return
         # The detector has samples, even if their volts cannot be shown.
         self.finger.sample_s = time.monotonic()
-        slip = np.array([state_at(self._slip, info['source_timestamp']) for _, info in messages])
+        slip = np.array([find_state(self._slip, info['source_timestamp']) for _, info in messages])
         raws = [raw for raw, _ in messages]
         try:
             levels, decided = self._levels.read(raws), self._decisions.read(raws)

@@ -26,8 +26,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
 
 from slip_detector.grasp.law import GraspLaw
-from slip_detector.nodes.health import ERROR, OK, WARN, Diagnostics, status
-from slip_detector.nodes.inputs import publishing_nodes, rivals
+from slip_detector.nodes.health import ERROR, OK, WARN, Diagnostics, make_status
+from slip_detector.nodes.inputs import describe_rivals, find_publishing_nodes
 from slip_detector.nodes.messages import STEADY, state_qos
 from slip_detector.nodes.parameters import declare
 from slip_detector.parameters import ACTIONS, GRIPPER_COMMAND, JOINT_STATE, GraspConfig
@@ -91,9 +91,10 @@ class GraspController(Node):
         if config.command_type in ACTIONS:
             self._send = GripperAction(self, config).send
         else:
-            kind = JointState if config.command_type == JOINT_STATE else Float64MultiArray
+            with_names = config.command_type == JOINT_STATE
+            message_type = JointState if with_names else Float64MultiArray
             self._send = self._publish
-            self._command = self.create_publisher(kind, config.command_topic, state_qos())
+            self._command = self.create_publisher(message_type, config.command_topic, state_qos())
             self.create_timer(RIVAL_CHECK_S, self._look_for_rivals, clock=STEADY)
         words = f'grip {config.grip_n:g} to {config.limit_n:g} N, waiting for the detector'
         self.get_logger().info(words)
@@ -114,9 +115,10 @@ class GraspController(Node):
     def _look_for_rivals(self) -> None:
         """Report when another node commands the same gripper."""
         topic = self._command.topic_name
-        names = publishing_nodes(self, topic)
+        names = find_publishing_nodes(self, topic)
         if len(names) > 1:
-            self.get_logger().error(rivals(topic, names), throttle_duration_sec=RIVAL_LOG_S)
+            words = describe_rivals(topic, names)
+            self.get_logger().error(words, throttle_duration_sec=RIVAL_LOG_S)
 
     def _command_grip(self) -> None:
         """Command the force of the law, once both topics of the detector have been heard."""
@@ -263,5 +265,5 @@ class GripperAction:
         if len(self._found) > 1:
             words = f'there are {len(self._found)} servers, allowed: 1'
             complaints.append((WARN, f'{words} (one that was killed counts for some 20 s)'))
-        each = status('gripper', '', complaints, {})
+        each = make_status('gripper', '', complaints, {})
         self._diagnostics.publish([each], self._config.command_topic)

@@ -79,7 +79,7 @@ AGE_KEYS = ('age of the samples, median [ms]', 'age of the samples, 99 % below [
 AT_RAIL = 'unplugged, broken or overloaded?'
 
 
-def status(
+def make_status(
     name: str, all_well: str, complaints: list[tuple[bytes, str]], values: dict[str, str]
 ) -> DiagnosticStatus:
     """Return one line of the diagnostics.
@@ -194,7 +194,8 @@ class Health:
             complaints.append((ERROR, f'no samples for {silent_s:.1f} s: {words}'))
         values = {event: str(self.totals[event]) for event in EVENTS}
         values['samples'] = str(self.totals['rows'])
-        return status('input', 'samples come', complaints, values)
+        all_well = f'{since["rows"]} samples since the last report'
+        return make_status('input', all_well, complaints, values)
 
     def _check_timing(self, since: Counter[str]) -> DiagnosticStatus:
         """Say whether rate, age and stamps are as they should be."""
@@ -220,7 +221,8 @@ class Health:
             AGE_KEYS[1]: _number(most_ms),
             'stamps': stamps,
         }
-        return status('timing', '' if math.isnan(rate_hz) else all_well, complaints, values)
+        all_well = 'no samples' if math.isnan(rate_hz) else all_well
+        return make_status('timing', all_well, complaints, values)
 
     def _measured_hz(self, since: Counter[str]) -> float:
         """Return the rate by the stamps; NaN where too few samples have come."""
@@ -243,7 +245,7 @@ class Health:
         config = self._chain.config
         if not self._notes:
             words = 'without samples nothing is known of the channels'
-            return status('channels', '', [(ERROR, words)], {})
+            return make_status('channels', '', [(ERROR, words)], {})
         rows = np.concatenate([note.rows for note in self._notes])
         valid = np.concatenate([note.valid for note in self._notes])
         low, high = config.valid_range_v
@@ -266,7 +268,7 @@ class Health:
                 complaints.append((ERROR if len(names) == n_enabled else WARN, words))
         values['valid now'] = f'{int(valid[-1].sum())} of {n_enabled}'
         values['disabled'] = ', '.join(np.compress(disabled, config.names)) or '-'
-        return status('channels', f'all {n_enabled} channels are valid', complaints, values)
+        return make_status('channels', f'all {n_enabled} channels are valid', complaints, values)
 
     def _check_decisions(self, n_rows: int, passed_s: float) -> DiagnosticStatus:
         """Say whether decisions mean something, and what they cost."""
@@ -282,7 +284,7 @@ class Health:
             'time per row [ms]': _number(spent_ms / max(n_rows, 1)),
             'share of the time [%]': _number(spent_ms / (passed_s * 10), '.1f'),
         }
-        return status(
+        return make_status(
             'decisions', f'slip is {"ON" if outputs.slip else "OFF"}', complaints, values
         )
 

@@ -64,7 +64,7 @@ class Input:
     """
 
     def __init__(self, config: DetectorConfig) -> None:
-        self.message_class = message_class(config.input_type)
+        self.message_class = find_message_class(config.input_type)
         self._field = FieldReader(config.input_field)
         fields = self.message_class.get_fields_and_field_types()
         if not self._field.begins_in(self.message_class):
@@ -141,7 +141,7 @@ class Input:
         return f' (a batch needs layout.dim: {sizes})'
 
 
-def message_class(name: str) -> Any:
+def find_message_class(name: str) -> Any:
     """Return the class of a message type, ``package/msg/Type`` or ``package/Type``.
 
     Only a package with a folder ``msg`` is imported: importing another module would run code that
@@ -205,7 +205,7 @@ class Senders:
 
         Nodes that only have a publisher are included: the middleware does not tell who sends.
         """
-        return rivals(self._what, self._names()) if self.several else ''
+        return describe_rivals(self._what, self._names()) if self.several else ''
 
     def accepts(self, number: int | None, publishers: int) -> bool:
         """Note a message; return whether it comes from the only publisher that sends.
@@ -230,12 +230,12 @@ class Senders:
         return not self.several
 
 
-def rivals(what: str, names: list[str]) -> str:
+def describe_rivals(what: str, names: list[str]) -> str:
     """Return what is wrong where several nodes publish what only one may."""
     return f'{what} is published by {name_list(names, LISTED)}: only one of them may'
 
 
-def publishing_nodes(node: Node, topic: str) -> list[str]:
+def find_publishing_nodes(node: Node, topic: str) -> list[str]:
     """Return the full names of the nodes that have a publisher of a topic.
 
     A node that was killed is among them for some twenty seconds.

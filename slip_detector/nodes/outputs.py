@@ -59,7 +59,8 @@ class Outputs:
         self._node = node
         # By topic and deadline.
         self._publishers: dict[tuple[str, int], Publisher] = {}
-        # Kind and name of each column of flags; the last column is slip_valid.
+        # What each column of flags is of (slip, group, channel, ...), and the name of the group or
+        # channel; the last column is slip_valid.
         self._columns: list[tuple[str, str]] = []
         self._states = b''  # A byte for each column.
         self.onsets = 0
@@ -111,9 +112,9 @@ class Outputs:
         disabled = {('channel', config.names[channel - 1]) for channel in config.disabled_channels}
         # By column, the publisher of its changes; without slip, column 0.
         self._listeners = {
-            column: publisher(Bool, f'slip/{kind}/{name}', messages.state_qos())
-            for column, (kind, name) in enumerate(self._columns)
-            if published.get(kind) and (kind, name) not in disabled
+            column: publisher(Bool, f'slip/{part}/{name}', messages.state_qos())
+            for column, (part, name) in enumerate(self._columns)
+            if published.get(part) and (part, name) not in disabled
         }
         flags = flag_layout(config)
         self._can_vote = slice(flags.can_vote_at, flags.channels_at)

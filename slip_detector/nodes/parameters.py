@@ -24,7 +24,7 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from slip_detector.nodes.rclpy_internals import answer_with, given_parameters
+from slip_detector.nodes.rclpy_internals import answer_with, read_given_parameters
 from slip_detector.parameters import (
     FIXED_PARAMETERS,
     ConfigType,
@@ -75,7 +75,7 @@ def declare(
     own = values.keys() | {rule.rpartition(':')[2] for rule in rules if ':' in rule}
     values |= {
         each.name: [] if each.type_ == Parameter.Type.NOT_SET else each.value
-        for each in given_parameters(node)
+        for each in read_given_parameters(node)
         if not is_of_rclpy(each.name)
     }
     try:
@@ -95,10 +95,10 @@ def declare(
             # An empty list has no type, and a vote is a number or a word.
             dynamic_typing=isinstance(value, list) or field.name == 'vote',
         )
-        low, kind = field.metadata['low'], type(field.metadata['default'])
-        if low is not None and kind in (int, float):
-            ends = {'from_value': kind(low), 'to_value': kind(field.metadata['high'])}
-            if kind is float:
+        low, value_type = field.metadata['low'], type(field.metadata['default'])
+        if low is not None and value_type in (int, float):
+            ends = {'from_value': value_type(low), 'to_value': value_type(field.metadata['high'])}
+            if value_type is float:
                 descriptor.floating_point_range = [msg.FloatingPointRange(**ends)]
             else:
                 descriptor.integer_range = [msg.IntegerRange(**ends)]

@@ -78,23 +78,6 @@ class NodeProcesses(contextlib.ExitStack):
             if process.poll():
                 raise ValueError(f'{executable} ended with the exit code {process.returncode}')
 
-    def receive(self) -> None:
-        """Wait for a moment; an ExternalShutdownException after a signal."""
-        if END_SIGNAL.wait(POLL_S):
-            raise ExternalShutdownException
-
-    def wait_until(self, happened: Callable[[], bool]) -> None:
-        """Receive messages until a condition holds; a ValueError if a node fails before."""
-        while not happened():
-            self.check()
-            self.receive()
-
-    def wait_for_end(self, process: subprocess.Popen[bytes]) -> None:
-        """Receive messages until a node has ended without an error, and those still under way."""
-        self.wait_until(lambda: process.poll() == 0)
-        deadline_s = time.monotonic() + DRAIN_S
-        self.wait_until(lambda: time.monotonic() > deadline_s)
-
 
 class RecordedNodes(NodeProcesses):
     """Runs nodes, and records all messages of some topics with their times of arrival.
@@ -113,9 +96,22 @@ class RecordedNodes(NodeProcesses):
         for topic, (message_type, qos) in topics.items():
             self._topics.add(message_type, topic, qos)
 
-    def receive(self) -> None:
-        """Wait for a moment, and receive messages."""
-        super().receive()
+    def wait_until(self, happened: Callable[[], bool]) -> None:
+        """Receive messages until a condition holds; a ValueError if a node fails before."""
+        while not happened():
+            self.check()
+            self._receive()
+
+    def wait_for_end(self, process: subprocess.Popen[bytes]) -> None:
+        """Receive messages until a node has ended without an error, and those still under way."""
+        self.wait_until(lambda: process.poll() == 0)
+        deadline_s = time.monotonic() + DRAIN_S
+        self.wait_until(lambda: time.monotonic() > deadline_s)
+
+    def _receive(self) -> None:
+        """Wait for a moment, and receive messages; an ExternalShutdownException after a signal."""
+        if END_SIGNAL.wait(POLL_S):
+            raise ExternalShutdownException
         for topic, messages in self.messages.items():
             for message, info in self._topics.take(topic):
                 messages.append((info['received_timestamp'], message))

@@ -149,7 +149,7 @@ class SampleExecutor(SingleThreadedExecutor):
         self._due_ns = min([self._poll_ns, *(now_ns + ns for ns in untils_ns if ns is not None)])
 
 
-def given_parameters(node: Node) -> list[Parameter]:
+def read_given_parameters(node: Node) -> list[Parameter]:
     """Return the parameters that the user gave to a node, declared or not.
 
     rclpy's own methods return only declared ones, so that an unknown name would go unnoticed.
@@ -231,10 +231,10 @@ class PolledTopics:
         return bool(self._subscriptions)
 
     def add(
-        self, kind: Any, topic: str, qos: QoSProfile, name: str = '', raw: bool = False
+        self, message_type: Any, topic: str, qos: QoSProfile, name: str = '', raw: bool = False
     ) -> None:
         """Subscribe; the messages are taken by this name, by default that of the topic."""
-        added = self._node.create_subscription(kind, topic, lambda _: None, qos, raw=raw)
+        added = self._node.create_subscription(message_type, topic, lambda _: None, qos, raw=raw)
         self._subscriptions[name or topic] = added
 
     def take(self, name: str) -> list[tuple[Any, dict[str, Any]]]:

@@ -112,8 +112,8 @@ def _arguments_of_each(executable: str) -> list[list[str]]:
     paths = [str(find_parameter_file(path)) for path in configs]
     # A node's namespace replaces that of the process, and so has to contain it.
     of_process = ['', *(word.partition(':=')[2] for word in sys.argv if word.startswith('__ns:='))]
-    above = f'/{of_process[-1].strip("/")}'.rstrip('/')
-    namespaces = [f'{above}/{finger}' for finger in fingers] or [above]
+    base = f'/{of_process[-1].strip("/")}'.rstrip('/')
+    namespaces = [f'{base}/{finger}' for finger in fingers] or [base]
     arguments = [['-r', f'__ns:={namespace}'] for namespace in namespaces] if fingers else [[]]
     if configs:
         arguments = [
@@ -123,9 +123,9 @@ def _arguments_of_each(executable: str) -> list[list[str]]:
         ]
     for words in arguments:
         _check_parameters(words)
-    after = sys.argv if configs else [*itertools.dropwhile(FILE.__ne__, sys.argv)][2:]
-    again = [word for pair in pairwise(after) if pair[0] in PARAMETER_OPTIONS for word in pair]
-    return [['--ros-args', *words, *again] for words in arguments]
+    later = sys.argv if configs else [*itertools.dropwhile(FILE.__ne__, sys.argv)][2:]
+    repeated = [word for pair in pairwise(later) if pair[0] in PARAMETER_OPTIONS for word in pair]
+    return [['--ros-args', *words, *repeated] for words in arguments]
 
 
 def _options(executable: str) -> argparse.Namespace:

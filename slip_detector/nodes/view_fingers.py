@@ -32,7 +32,7 @@ from rclpy.task import Future
 from std_msgs.msg import String
 
 from slip_detector.nodes.finger_topics import FingerTopics
-from slip_detector.nodes.inputs import publishing_nodes
+from slip_detector.nodes.inputs import find_publishing_nodes
 from slip_detector.nodes.messages import event_qos, state_qos
 from slip_detector.nodes.rclpy_internals import PolledTopics, take_answers
 from slip_detector.parameters import DetectorConfig, quote
@@ -245,7 +245,7 @@ class RosDetectors(Detectors):
             voltages = self._input_of(topics.finger)
             if voltages != topics.voltages:
                 topics.subscribe(voltages)
-            topics.senders = publishing_nodes(self._node, voltages) if voltages else []
+            topics.senders = find_publishing_nodes(self._node, voltages) if voltages else []
             recent = tuple(each for at_s, each in topics.health.values() if at_s > since_s)
             topics.finger.diagnostics = recent
 

@@ -19,16 +19,14 @@ them; what all sets share is :class:`ParameterSet` and :func:`parameter`. Here i
 rooms need for messages of errors, files and YAML. They import all of it from here.
 """
 
-from slip_detector.parameters.detector import (
+from slip_detector.parameters.chain import (
     COMMON_MODES,
-    FIXED_PARAMETERS,
-    NODE_PARAMETERS,
     PAPER_CHANNELS,
     PAPER_GROUPS,
     ChainConfig,
-    DetectorConfig,
     default_channel_names,
 )
+from slip_detector.parameters.detector import FIXED_PARAMETERS, NODE_PARAMETERS, DetectorConfig
 from slip_detector.parameters.driver import DriverConfig, RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
 from slip_detector.parameters.fields import (

@@ -19,7 +19,7 @@ import itertools
 from collections.abc import Sequence
 from typing import Any
 
-from slip_detector.parameters.detector import LOWEST_EDGE, ChainConfig, default_channel_names
+from slip_detector.parameters.chain import LOWEST_EDGE, ChainConfig, default_channel_names
 
 #: Largest difference between the rates of samples and of the chain, as a share. With a larger one,
 #: bands and windows would differ noticeably from the configured ones.

@@ -25,7 +25,7 @@ from slip_detector.recordings.array_recordings import CsvRecording, NpzRecording
 from slip_detector.recordings.bag_recording import BagRecording
 from slip_detector.recordings.bag_storage import BAG_ENDINGS, METADATA
 from slip_detector.recordings.labels import find_labels, read_labels
-from slip_detector.recordings.recording import Recording, RecordingCounts, named_errors
+from slip_detector.recordings.recording import Recording, RecordingCounts, name_errors
 from slip_detector.recordings.writing import write_recording
 
 __all__ = [
@@ -33,14 +33,17 @@ __all__ = [
     'Recording',
     'RecordingCounts',
     'by_number',
+    'group_recordings',
     'is_recording',
     'open_recording',
     'rates_differ',
-    'recording_sets',
     'write_recording',
 ]
 
-ENDINGS = ('.npz', '.csv', *BAG_ENDINGS)
+_CLASSES: dict[str, Any] = {'.npz': NpzRecording, '.csv': CsvRecording}
+_CLASSES |= dict.fromkeys(BAG_ENDINGS, BagRecording)
+
+ENDINGS = tuple(_CLASSES)
 
 
 def is_recording(path: 'str | Path') -> bool:
@@ -98,14 +101,13 @@ def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) 
     path, config = Path(path), config or RecordingConfig()
     labels_file = find_labels(config.recording_labels, path)
     labels = None if labels_file is None else read_labels(labels_file)
-    with named_errors(path):
+    with name_errors(path):
         path.stat()
         check_plain(path)
-        if path.suffix not in ENDINGS and not path.is_dir():
+        if path.suffix not in _CLASSES and not path.is_dir():
             allowed = f'{", ".join(ENDINGS)} or the folder of a bag'
             refuse(f'is {path.suffix or "without ending"}', allowed)
-        classes: dict[str, Any] = {'.csv': CsvRecording, '.npz': NpzRecording}
-        recording: Recording = classes.get(path.suffix, BagRecording)(path, config, labels)
+        recording: Recording = _CLASSES.get(path.suffix, BagRecording)(path, config, labels)
         return recording
 
 
@@ -120,7 +122,7 @@ def by_number(name: str | Path) -> tuple[str, str]:
     return re.sub('[0-9]+', lambda number: number[0].zfill(20), str(name)), str(name)
 
 
-def recording_sets(arguments: Sequence[str]) -> dict[str, list[Path]]:
+def group_recordings(arguments: Sequence[str]) -> dict[str, list[Path]]:
     """Sort files and folders into sets of recordings.
 
     Parameters
@@ -148,17 +150,19 @@ def recording_sets(arguments: Sequence[str]) -> dict[str, list[Path]]:
     ...     for path in (Path(folder) / 'slips' / '1.npz', Path(folder) / 'rest.npz'):
     ...         path.parent.mkdir(exist_ok=True)
     ...         path.touch()
-    ...     sets = recording_sets([folder])
+    ...     sets = group_recordings([folder])
     >>> [[file.name for file in files] for files in sets.values()]
     [['rest.npz'], ['1.npz']]
     """
     by_folder: dict[Path, dict[str, Path]] = {}
     for argument in map(Path, arguments):
-        with named_errors(argument):
+        with name_errors(argument):
             argument.stat()
             files = _recordings_of(argument)
             if not files:
-                raise ValueError(f'has no recordings, allowed: {", ".join(ENDINGS)} or bags')
+                raise ValueError(
+                    f'has no recordings, allowed: {", ".join(ENDINGS)} or folders of bags'
+                )
         for file in files:
             by_folder.setdefault(file.parent.resolve(), {})[file.name] = file
     names = [folder.name for folder in by_folder]

@@ -36,9 +36,9 @@ from slip_detector.parameters import (
     refuse,
     shortened,
 )
-from slip_detector.recordings.labels import Labels, as_truth
-from slip_detector.recordings.rates import checked_rate, rate_of
-from slip_detector.recordings.recording import PIECE_ROWS, Recording, named_errors
+from slip_detector.recordings.labels import Labels, read_truth
+from slip_detector.recordings.rates import measure_rate, require_rate
+from slip_detector.recordings.recording import PIECE_ROWS, Recording, name_errors
 
 #: Name of the array of stamps in an npz, as this package writes it.
 STAMPS_KEY = 'stamps_ns'
@@ -55,11 +55,6 @@ class NpzRecording(Recording):
 
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
         super().__init__(path, labels, config)
-        with self._archive() as archive:
-            self._sizes = {
-                member.filename.removesuffix('.npy'): member.file_size
-                for member in archive.zip.infolist()
-            }
         volts_key, rate_key = config.recording_volts_key, config.recording_rate_key
         truth_key, there = config.recording_truth_key, name_list(self.array_names())
         self.label_name = f'label {truth_key}, there are: {there}'
@@ -72,7 +67,7 @@ class NpzRecording(Recording):
             refuse(what, 'numbers of shape (rows, channels)')
         if rate.size != 1 or rate.dtype.kind not in 'fiu':
             raise ValueError(f'{rate_key} is {shortened(str(rate))}, allowed: a rate in Hz')
-        self.sample_rate_hz = rate_hz = checked_rate(float(rate.item()))
+        self.sample_rate_hz = rate_hz = require_rate(float(rate.item()))
         self.n_rows = n = len(volts)
         self.channel_names = default_channel_names(volts.shape[1])
         stamps_ns, label = self.array(STAMPS_KEY), self.array(truth_key)
@@ -80,13 +75,13 @@ class NpzRecording(Recording):
             if column is not None and column.size != n:
                 raise ValueError(f'{key} has the shape {column.shape}, allowed: ({n},)')
         even_ns = np.rint(np.arange(n) * (1e9 / rate_hz)).astype(np.int64)
-        stamps_ns = even_ns if stamps_ns is None else _as_stamps(stamps_ns.reshape(-1))
-        stamped_hz = rate_of(stamps_ns, STAMPS_KEY) if n > 1 else rate_hz
+        stamps_ns = even_ns if stamps_ns is None else _convert_stamps(stamps_ns.reshape(-1))
+        stamped_hz = measure_rate(stamps_ns, STAMPS_KEY) if n > 1 else rate_hz
         # Of few rows jitter changes the rate.
         if abs(stamped_hz - rate_hz) > (RATE_TOLERANCE + 1 / n) * rate_hz:
             what = f'{STAMPS_KEY} has {stamped_hz:g} Hz, {rate_key} {rate_hz:g} Hz'
             refuse(what, 'the same rate in both')
-        truth = None if label is None else as_truth(label, truth_key)
+        truth = None if label is None else read_truth(label, truth_key)
         self.has_truth |= truth is not None
         self._samples = Samples(volts, stamps_ns, truth)
 
@@ -98,15 +93,16 @@ class NpzRecording(Recording):
 
     def array(self, name: str) -> 'NDArray[Any] | None':
         """Return an array of the file by its name; None if there is no such array."""
-        if name not in self._sizes:
-            return None
-        with named_errors(self.path), self._archive() as archive:
-            self.check_size(self._sizes[name], name)
+        with name_errors(self.path), self._archive() as archive:
+            if name not in archive.files:
+                return None
+            self.check_size(archive.zip.getinfo(f'{name}.npy').file_size, name)
             return np.asarray(archive[name])
 
     def array_names(self) -> list[str]:
         """Return the names of all arrays."""
-        return sorted(self._sizes)
+        with self._archive() as archive:
+            return sorted(archive.files)
 
     @contextlib.contextmanager
     def _archive(self) -> Iterator[Any]:
@@ -117,7 +113,7 @@ class NpzRecording(Recording):
                 yield archive
 
 
-def _as_stamps(stamps: NDArray[Any]) -> Stamps:
+def _convert_stamps(stamps: NDArray[Any]) -> Stamps:
     """Return stamps as whole nanoseconds; raise a ValueError for other values."""
     if stamps.dtype.kind not in 'iuf':
         raise ValueError(f'{STAMPS_KEY} has the type {stamps.dtype}, allowed: whole nanoseconds')
@@ -137,9 +133,9 @@ class CsvRecording(Recording):
         self._truth_key = config.recording_truth_key
         # In many countries a semicolon or a tab is in place of the comma.
         with contextlib.closing(self._text()) as text:
-            self._delimiter = max(',;\t', key=(line := next(text, '')).count)
-            reader = csv.reader(itertools.chain([line], text), delimiter=self._delimiter)
-            names = [name.strip() for name in next(reader)]
+            line = next(text, '')
+        self._delimiter = max(',;\t', key=line.count)
+        names = [name.strip() for name in next(csv.reader([line], delimiter=self._delimiter))]
         self._names = names = names[:-1] if names[-1:] == [''] else names
         self.has_truth |= self._truth_key in names
         self.label_name = f'label {self._truth_key}, there are: {name_list(names)}'
@@ -150,9 +146,8 @@ class CsvRecording(Recording):
             there = name_list([name or '(without name)' for name in names]) or 'none'
             allowed = f'{TIME} and one for each channel, each with a name of its own'
             refuse(f'line 1 has the columns {there}', allowed)
-        first = next(self.read(), None)
-        stamps_ns = np.empty(0, np.int64) if first is None else first.stamps_ns
-        self.sample_rate_hz = checked_rate(rate_of(stamps_ns, f'the times in column {TIME}'))
+        stamps_ns = next((rows.stamps_ns for rows in self.read()), np.empty(0, np.int64))
+        self.sample_rate_hz = require_rate(measure_rate(stamps_ns, f'the times in column {TIME}'))
 
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the file, some thousands at a time."""
@@ -161,7 +156,7 @@ class CsvRecording(Recording):
             rows = self._rows(text)
             while piece := list(itertools.islice(rows, PIECE_ROWS)):
                 numbers, stamps_ns = (np.array(part) for part in zip(*piece, strict=True))
-                truth: Any = (as_truth(numbers[:, k], self._truth_key) for k in self._truth_at)
+                truth: Any = (read_truth(numbers[:, k], self._truth_key) for k in self._truth_at)
                 yield Samples(numbers[:, self._channels], stamps_ns, *truth)
 
     def _text(self) -> Generator[str, None, None]:

@@ -25,11 +25,15 @@ import numpy as np
 from slip_detector.chain.samples import Floats, Ints, Samples, Stamps
 from slip_detector.chain.stamp_rules import GAP_PERIODS
 from slip_detector.parameters import RecordingConfig, default_channel_names, name_list, refuse
-from slip_detector.recordings.bag_storage import BagStorage, Message, typestore_of
-from slip_detector.recordings.labels import Labels, accuracy_and_kind, label_at
+from slip_detector.recordings.bag_storage import BagStorage, Message, make_typestore
+from slip_detector.recordings.labels import (
+    Labels,
+    label_times,
+    take_accuracy_and_kind,
+)
 from slip_detector.recordings.mcap import Topic
 from slip_detector.recordings.messages import JOINT_FIELDS, FieldReader, JointStateReader
-from slip_detector.recordings.rates import checked_rate, rate_of
+from slip_detector.recordings.rates import measure_rate, require_rate
 from slip_detector.recordings.recording import PIECE_ROWS, Recording
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
@@ -42,8 +46,8 @@ TOPIC = 'voltages'
 FIRST_MESSAGES = 1024
 
 
-class _Decoded(NamedTuple):
-    """The rows of some messages, all messages that have rows one after the other.
+class _Piece(NamedTuple):
+    """The rows of some messages, one after the other.
 
     Attributes
     ----------
@@ -51,19 +55,16 @@ class _Decoded(NamedTuple):
     stamps_ns, received_ns, counts : ndarray of int, shape (m,)
         Stamp of each message, or the time of receipt where that is 0 or there is none, as in the
         detector; time of receipt; and number of rows.
-    dropped : int
-        Number of messages that cannot be decoded, or have other channels or names.
     """
 
     volts: Floats
     stamps_ns: Stamps
     received_ns: Stamps
     counts: Ints
-    dropped: int
 
 
-class _Decoder:
-    """Decodes the messages of a topic to rows.
+class _TopicReader:
+    """Reads the rows of a topic.
 
     Attributes
     ----------
@@ -71,34 +72,41 @@ class _Decoder:
         Number of channels in the first message; 0 before the first message.
     names : tuple of str
         Names of the channels in the first message; empty if it has none.
+    dropped : int
+        Number of messages that were left out in the last reading: they cannot be decoded, or have
+        other channels or names.
     """
 
     names: tuple[str, ...]
 
-    def __init__(self, topic: Topic, field: str) -> None:
-        self._msgtype, self._typestore = topic.msgtype, typestore_of(topic)
+    def __init__(self, storage: BagStorage, topic: Topic, field: str) -> None:
+        self._storage, self._topic, self._typestore = storage, topic, make_typestore(topic)
         self._field, self._numbers_of = field, FieldReader(field)
         is_joint_state = topic.msgtype == JOINT_STATE and field in JOINT_FIELDS
         self._joint_states = JointStateReader(field) if is_joint_state else None
         self._error: Exception | str = f'the field {field} is empty in every message'
-        self.channels, self.names = 0, ()
+        self.channels, self.names, self.dropped = 0, (), 0
 
-    def decode(self, messages: list[Message]) -> _Decoded:
-        """Decode messages; a ValueError when none of those so far has channels."""
-        parts, received, counts = list[Samples](), list[int](), list[int]()
-        for samples, of in self._samples_of(messages):
-            if samples.volts.size and self._fits(samples):
-                parts.append(samples)
-                received += [received_ns for received_ns, _ in of]
-                counts += [len(samples.volts) // len(of)] * len(of)
-        if not self.channels:
-            raise ValueError(f'{self._error}; --field (recording_field) names one')
-        volts = np.concatenate([np.empty((0, self.channels)), *(part.volts for part in parts)])
-        stamps_ns = np.concatenate([np.empty(0, np.int64), *(part.stamps_ns for part in parts)])
-        received_ns = np.array(received, np.int64)
-        stamps_ns = np.where(stamps_ns == 0, received_ns, stamps_ns)
-        dropped = len(messages) - len(received)
-        return _Decoded(volts, stamps_ns, received_ns, np.array(counts, np.int64), dropped)
+    def pieces(self) -> Iterator[_Piece]:
+        """Yield some thousands of rows at a time; a ValueError when no message has channels."""
+        messages, most = self._storage.messages(self._topic), FIRST_MESSAGES
+        self.dropped = 0
+        while read := list(itertools.islice(messages, most)):
+            parts, received, counts = list[Samples](), list[int](), list[int]()
+            for samples, sources in self._samples_of(read):
+                if samples.volts.size and self._fits(samples):
+                    parts.append(samples)
+                    received += [received_ns for received_ns, _ in sources]
+                    counts += [len(samples.volts) // len(sources)] * len(sources)
+            if not self.channels:
+                raise ValueError(f'{self._error}; --field (recording_field) names one')
+            self.dropped += len(read) - len(received)
+            if parts:
+                joined, received_ns = parts[0].then(*parts[1:]), np.array(received, np.int64)
+                stamps_ns = np.where(joined.stamps_ns == 0, received_ns, joined.stamps_ns)
+                yield _Piece(joined.volts, stamps_ns, received_ns, np.array(counts, np.int64))
+            # As many as give the usual number of rows.
+            most = max(1, PIECE_ROWS * len(read) // max(1, sum(counts)))
 
     def _samples_of(self, messages: list[Message]) -> Iterator[tuple[Samples, list[Message]]]:
         """Yield the samples of messages with one stamp each: at once if they are alike."""
@@ -118,7 +126,7 @@ class _Decoder:
         """Return the rows of a message, with its one stamp; 0: it has none."""
         if self._joint_states:
             return self._joint_states.read([raw])
-        message = self._typestore.deserialize_cdr(raw, self._msgtype)
+        message = self._typestore.deserialize_cdr(raw, self._topic.msgtype)
         stamp = getattr(getattr(message, 'header', None), 'stamp', None)
         stamp_ns = 0 if stamp is None else stamp.sec * 1_000_000_000 + stamp.nanosec
         names = getattr(message, 'name', ())
@@ -142,90 +150,78 @@ class BagRecording(Recording):
         super().__init__(path, labels, config)
         self._storage = BagStorage(path)
         self._found_damage = ''.join(f' ({line})' for line in self._storage.damage[:1])
-        self._topic = self._rows_topic(config.recording_topic)
-        usual = 'position' if self._topic.msgtype == JOINT_STATE else 'data'
-        self._field = config.recording_field or usual
-        self.input = {'input_type': self._topic.msgtype, 'input_field': self._field}
-        self._label_topic = label_topic = self._found_label_topic(config)
+        topic = self._find_rows_topic(config.recording_topic)
+        usual = 'position' if topic.msgtype == JOINT_STATE else 'data'
+        field = config.recording_field or usual
+        self.input = {'input_type': topic.msgtype, 'input_field': field}
+        label_topic = self._find_label_topic(config, topic)
+        self.has_truth |= label_topic is not None
         #: Whether a Bool is the label: it has no stamp, and holds for rows received after it.
         self._has_states = label_topic is not None and label_topic.msgtype == BOOL
-        self._still_m = config.recording_still_m
-        self.has_truth |= label_topic is not None
+        self._edges_ns: Stamps | None = None
         if labels is None:
-            self.accuracy_s, self.kind = accuracy_and_kind(self._storage.custom_data)
-        decoder = _Decoder(self._topic, self._field)
-        first = next(self._decoded(self._topic, decoder), None)
-        if first is None or not len(first.volts):
-            raise ValueError(f'has no samples on {self._topic.name}{self._found_damage}')
-        self.channel_names = decoder.names or default_channel_names(decoder.channels)
+            self.accuracy_s, self.kind = take_accuracy_and_kind(self._storage.custom_data)
+            if label_topic is not None:
+                self._edges_ns = self._read_edges(label_topic, config.recording_still_m)
+        self._reader = reader = _TopicReader(self._storage, topic, field)
+        first = next(reader.pieces(), None)
+        if first is None:
+            raise ValueError(f'has no samples on {topic.name}{self._found_damage}')
+        self.channel_names = reader.names or default_channel_names(reader.channels)
         self._per_message = int(np.median(first.counts))
-        self.n_rows = self._storage.counts[self._topic.name] * self._per_message
-        message_hz = rate_of(first.stamps_ns, f'the stamps on {self._topic.name}')
-        self.sample_rate_hz = checked_rate(message_hz * self._per_message)
+        self.n_rows = self._storage.counts[topic.name] * self._per_message
+        message_hz = measure_rate(first.stamps_ns, f'the stamps on {topic.name}')
+        self.sample_rate_hz = require_rate(message_hz * self._per_message)
 
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the topic, some thousands at a time."""
-        edges_ns, last_ns = self._edges_ns(), None
+        edges_ns, last_ns = self._edges_ns, None
         self.counts.damage = '; '.join(self._storage.damage)
-        for decoded in self._decoded(self._topic, _Decoder(self._topic, self._field)):
-            self.counts.dropped += decoded.dropped * self._per_message
-            if len(decoded.volts):
-                stamps_ns = self._spread(decoded, last_ns)
-                last_ns = int(stamps_ns[-1])
-                rows = Samples(decoded.volts, stamps_ns)
-                if edges_ns is not None:
-                    late_ns = np.repeat(decoded.received_ns - decoded.stamps_ns, decoded.counts)
-                    at_ns = stamps_ns + (late_ns if self._has_states else 0)
-                    rows = rows._replace(**label_at(at_ns, edges_ns, self.accuracy_s))
-                yield rows
+        for piece in self._reader.pieces():
+            stamps_ns = self._spread(piece, last_ns)
+            last_ns = int(stamps_ns[-1])
+            rows = Samples(piece.volts, stamps_ns)
+            if edges_ns is not None:
+                late_ns = np.repeat(piece.received_ns - piece.stamps_ns, piece.counts)
+                at_ns = stamps_ns + (late_ns if self._has_states else 0)
+                rows = rows._replace(**label_times(at_ns, edges_ns, self.accuracy_s))
+            yield rows
+        self.counts.dropped += self._reader.dropped * self._per_message
 
-    def _decoded(self, topic: Topic, decoder: _Decoder) -> Iterator[_Decoded]:
-        """Yield the messages of a topic, some thousands of rows at a time."""
-        messages = self._storage.messages(topic)
-        most = FIRST_MESSAGES
-        while read := list(itertools.islice(messages, most)):
-            decoded = decoder.decode(read)
-            yield decoded
-            # As many as give the usual number of rows.
-            most = max(1, PIECE_ROWS * len(read) // max(1, len(decoded.volts)))
-
-    def _spread(self, decoded: _Decoded, last_ns: 'int | None') -> Stamps:
+    def _spread(self, piece: _Piece, last_ns: 'int | None') -> Stamps:
         """Return the stamp of each row.
 
         A message with several samples has the stamp of the last one. The others are spread evenly
         over the time since the previous message or, after a gap, have their nominal period.
         """
-        ends_ns, counts = decoded.stamps_ns, decoded.counts
+        ends_ns, counts = piece.stamps_ns, piece.counts
         usual_ns = counts * (1e9 / self.sample_rate_hz)
         spans_ns = np.diff(ends_ns, prepend=ends_ns[0] if last_ns is None else last_ns)
         near = (spans_ns > 0) & (spans_ns < GAP_PERIODS * usual_ns)
         steps_ns = np.where(near, spans_ns, usual_ns) / counts
-        left = np.repeat(np.cumsum(counts), counts) - 1 - np.arange(len(decoded.volts))
+        left = np.repeat(np.cumsum(counts), counts) - 1 - np.arange(len(piece.volts))
         before_ns = np.rint(left * np.repeat(steps_ns, counts)).astype(np.int64)
         return np.asarray(np.repeat(ends_ns, counts) - before_ns)
 
-    def _edges_ns(self) -> 'Stamps | None':
-        """Return when slip begins and ends by a topic; None if that is not the label."""
-        topic = self._label_topic
-        if self._labels is not None or topic is None:
-            return None
+    def _read_edges(self, topic: Topic, still_m: float) -> Stamps:
+        """Return when slip begins and ends by a topic."""
         field = 'data' if self._has_states else 'position'
-        parts = list(self._decoded(topic, _Decoder(topic, field)))
-        values = np.concatenate([part.volts for part in parts])
-        stamps_ns = np.concatenate([part.stamps_ns for part in parts])
+        pieces = list(_TopicReader(self._storage, topic, field).pieces())
+        values = np.concatenate([piece.volts for piece in pieces])
+        stamps_ns = np.concatenate([piece.stamps_ns for piece in pieces])
         if (np.diff(stamps_ns) < 0).any():
             refuse(f'the times on {topic.name} fall', 'rising, or --labels (recording_labels)')
         if self._has_states:
             return np.asarray(stamps_ns[np.diff(values[:, 0] != 0.0, prepend=False)])
         # Slip lasts between two positions that differ, including the times of both (Eq. 9).
-        moves = (np.abs(np.diff(values, axis=0)) > self._still_m).any(axis=1)
+        moves = (np.abs(np.diff(values, axis=0)) > still_m).any(axis=1)
         changes = np.flatnonzero(np.diff(moves, prepend=False, append=False))
         return np.asarray(stamps_ns[changes] + np.arange(len(changes)) % 2)
 
-    def _rows_topic(self, name: str) -> Topic:
+    def _find_rows_topic(self, name: str) -> Topic:
         """Find the topic that has the rows."""
         topics = self._storage.topics
-        found = [topic for topic in topics if _is_named(topic.name, name or TOPIC)]
+        found = _find_topics(topics, name or TOPIC)
         if len(found) == 1:
             return found[0]
         known = name_list([f'{topic.name} ({topic.msgtype})' for topic in found or topics])
@@ -233,19 +229,18 @@ class BagRecording(Recording):
         what = f'has {len(found) or "no"} topics {name or TOPIC}, {there}'
         raise ValueError(f'{what}; --topic (recording_topic) names one')
 
-    def _found_label_topic(self, config: RecordingConfig) -> 'Topic | None':
+    def _find_label_topic(self, config: RecordingConfig, rows_topic: Topic) -> 'Topic | None':
         """Find the topic of the label: that in the namespace of the rows, else the only one."""
         truth, position = config.recording_truth_topic, config.recording_position_topic
         usual = RecordingConfig()
-        others = [topic for topic in self._storage.topics if topic != self._topic]
+        others = [topic for topic in self._storage.topics if topic != rows_topic]
         known = name_list([topic.name for topic in others if topic.msgtype in (BOOL, JOINT_STATE)])
         wanted = f'topic {truth} (Bool) or {position} (JointState)'
         self.label_name = f'{wanted}, there are: {known or "none"}'
         for name, msgtype in ((truth, BOOL), (position, JOINT_STATE)):
             alike = [topic for topic in others if topic.msgtype == msgtype]
-            full = f'{self._topic.name.rpartition("/")[0]}/{name}'
-            found = [topic for topic in alike if topic.name == full]
-            found = found or [topic for topic in alike if _is_named(topic.name, name)]
+            beside = f'{rows_topic.name.rpartition("/")[0]}/{name}'
+            found = _find_topics(alike, beside) or _find_topics(alike, name)
             if len(found) == 1:
                 return found[0]
             if name not in (usual.recording_truth_topic, usual.recording_position_topic):
@@ -253,6 +248,7 @@ class BagRecording(Recording):
         return None
 
 
-def _is_named(topic: str, name: str) -> bool:
-    """Return whether a topic has this name; a name without leading / matches any namespace."""
-    return topic == name or (not name.startswith('/') and f'/{topic}'.endswith(f'/{name}'))
+def _find_topics(topics: list[Topic], name: str) -> list[Topic]:
+    """Return the topics of a name; a name without leading / matches any namespace."""
+    ends = () if name.startswith('/') else f'/{name}'
+    return [topic for topic in topics if topic.name == name or topic.name.endswith(ends)]

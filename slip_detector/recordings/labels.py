@@ -44,16 +44,16 @@ KEY, ACCURACY, KIND, MISTAKEN = 'slip_s', 'accuracy_s', 'kind', 'mistaken'
 #: let go; rolled; a finger that touches nothing. Other recordings have none.
 KINDS = ('rest', 'taps', 'press', 'roll', 'idle')
 
-#: How exact a label is whose ends were given by a key or a button as a finger slid, in seconds:
-#: people press 0.12 to 0.35 s late, and let go 0.08 to 0.3 s late.
+#: Accuracy in seconds of a label that was given by a key or a button while a finger slid: people
+#: press 0.12 to 0.35 s late, and let go 0.08 to 0.3 s late.
 BY_HAND_S = 0.35
 
-#: How exact an end is that was moved by hand over a trace, or by :func:`snapped`: on simulated
-#: plates with hum, tremor, taps and drift the latter is at most 0.07 s off.
+#: Accuracy in seconds of an end that was moved by hand over a trace, or by :func:`snap`, which is
+#: at most 0.07 s off on simulated plates with hum, tremor, taps and drift.
 BY_EYE_S = 0.1
 
-#: :func:`snapped` takes out what is below this frequency, or below this share of the sample rate
-#: if that is lower.
+#: :func:`snap` removes frequencies below this one, or below this share of the sample rate if that
+#: is lower.
 LOW_HZ, LOW_SHARE = 20.0, 0.2
 
 #: Fewest rows on either side of a change.
@@ -63,17 +63,17 @@ SIDE_ROWS = 8
 #: and in all.
 LEAST_GAIN, LEAST_GAIN_IN_ALL = 0.05, 25.0
 
-#: With one channel, a place is ruled out whose log-likelihood is this much below that of the best
-#: place; with four or more channels, half of it, as their errors differ.
+#: With one channel, a place is ruled out if its log-likelihood is this much below that of the best
+#: place. With four or more channels half of this is enough, as the errors of channels differ.
 UNLIKELY = 12.0
 
-#: Largest distance at which an end is sought, as a multiple of its reach.
+#: Largest distance at which an end is searched for, as a multiple of its reach.
 FARTHEST = 2.0
 
 #: Quantile of the power to which louder rows are limited, as knocks are short.
 LOUDEST = 0.95
 
-#: Largest accuracy that means something.
+#: Largest accuracy that is allowed, in seconds.
 MOST_S = 10.0
 
 
@@ -183,12 +183,12 @@ def read_labels(path: Path) -> Labels:
     >>> labels.edges_s
     array([[1. , 2.5]])
     """
-    return labels_from(path, read_yaml(path))
+    return parse_labels(path, read_yaml(path))
 
 
-def labels_from(path: Path, document: dict[str, Any]) -> Labels:
+def parse_labels(path: Path, document: dict[str, Any]) -> Labels:
     """Return the labels of a document that is, or will be, in a file; see :func:`read_labels`."""
-    accuracy_s, kind = accuracy_and_kind(document, f'{path}: ')
+    accuracy_s, kind = take_accuracy_and_kind(document, f'{path}: ')
     mistaken = document.pop(MISTAKEN, False)
     if not isinstance(mistaken, bool):
         refuse(f'{path}: {MISTAKEN} is {quote(mistaken)}', 'true, false')
@@ -213,7 +213,7 @@ def labels_from(path: Path, document: dict[str, Any]) -> Labels:
     return Labels(path, edges_s, accuracy_s, kind, mistaken)
 
 
-def accuracy_and_kind(document: dict[str, Any], where: str = '') -> tuple[float, str]:
+def take_accuracy_and_kind(document: dict[str, Any], where: str = '') -> tuple[float, str]:
     """Take out of a document how exact its labels are, and the kind of its recording.
 
     Raises
@@ -224,7 +224,7 @@ def accuracy_and_kind(document: dict[str, Any], where: str = '') -> tuple[float,
 
     Examples
     --------
-    >>> accuracy_and_kind({'accuracy_s': '0.35'})
+    >>> take_accuracy_and_kind({'accuracy_s': '0.35'})
     (0.35, '')
     """
     accuracy, kind = document.pop(ACCURACY, 0.0), document.pop(KIND, '')
@@ -238,7 +238,7 @@ def accuracy_and_kind(document: dict[str, Any], where: str = '') -> tuple[float,
     return accuracy_s, kind
 
 
-def label_at(at_ns: Stamps, edges_ns: Stamps, accuracy_s: float) -> dict[str, Any]:
+def label_times(at_ns: Stamps, edges_ns: Stamps, accuracy_s: float) -> dict[str, Any]:
     """Return whether there is slip at each time, and whether that is certain.
 
     Parameters
@@ -258,7 +258,7 @@ def label_at(at_ns: Stamps, edges_ns: Stamps, accuracy_s: float) -> dict[str, An
 
     Examples
     --------
-    >>> label = label_at(np.array([0, 300_000_000, 500_000_000]), np.array([400_000_000]), 0.1)
+    >>> label = label_times(np.array([0, 300_000_000, 500_000_000]), np.array([400_000_000]), 0.1)
     >>> label['truth'], label['certain']
     (array([False, False,  True]), array([ True, False,  True]))
     """
@@ -267,15 +267,15 @@ def label_at(at_ns: Stamps, edges_ns: Stamps, accuracy_s: float) -> dict[str, An
     return {'truth': now % 2 == 1, 'certain': first == last if accuracy_s else None}
 
 
-def snapped(
+def snap(
     samples: Samples, edges_s: Floats, rate_hz: float, within_s: float
 ) -> tuple[Floats, Bools, str]:
     """Return the ends of labels, moved to where the power of the signal changes most.
 
     That is the change point of largest likelihood for a Gaussian signal whose variance, of each
-    channel, rises at the start of a slip and falls at its end. Where likelihood still rises at the
-    limit of the search this goes on there, up to :data:`FARTHEST` times as far, but no farther
-    than half way to the end beside it.
+    channel, rises at the start of a slip and falls at its end. Where the likelihood still rises at
+    the limit of the search, the search goes on, up to :data:`FARTHEST` times as far, but no
+    farther than half way to the next end.
 
     Parameters
     ----------
@@ -291,18 +291,18 @@ def snapped(
     Returns
     -------
     edges_s : ndarray, shape (k, 2)
-        Those that were found where they belong, the others as they were.
+        The ends that were found, where they belong; the others unchanged.
     found : ndarray of bool, shape (k, 2)
-        Whether each was found, and so is exact to :data:`BY_EYE_S`: all other places are unlikely.
+        Whether each was found: all places farther off than :data:`BY_EYE_S` are unlikely.
     said : str
-        This in words.
+        The result in words.
 
     Examples
     --------
     >>> volts = np.random.default_rng(1).normal(size=(1000, 4)) * 1e-3
     >>> volts[400:] *= 5.0
     >>> samples = Samples.evenly(volts, 100.0, np.zeros(1000))
-    >>> edges_s, found, said = snapped(samples, np.array([[4.25, 6.2]]), 100.0, 0.35)
+    >>> edges_s, found, said = snap(samples, np.array([[4.25, 6.2]]), 100.0, 0.35)
     >>> edges_s.round(1), found
     (array([[4. , 6.2]]), array([[ True, False]]))
     >>> said
@@ -319,10 +319,10 @@ def snapped(
     rows = np.searchsorted(after_ns, np.rint(1e9 * edges_s.ravel()).astype(np.int64))
     moved_s, found, words = edges_s.ravel().copy(), np.zeros(edges_s.size, bool), list[str]()
     for i, row in enumerate(rows.tolist()):
-        # Half way to the next end there is another change.
+        # Beyond half way to the next end, the change of that end would be found.
         first = max((rows[i - 1] + row) // 2 if i else 0, row - 3 * reach)
         last = min((row + rows[i + 1]) // 2 if i + 1 < rows.size else n, row + 3 * reach)
-        at = _change(power[first:last], row - first, reach, BY_EYE_S * rate_hz, i % 2 == 0)
+        at = _find_change(power[first:last], row - first, reach, BY_EYE_S * rate_hz, i % 2 == 0)
         words.append(f'{"end" if i % 2 else "start"} {moved_s[i]:.2f} s not known')
         if at is not None:
             rows[i], moved_s[i], found[i] = first + at, after_ns[first + at] * 1e-9, True
@@ -331,8 +331,8 @@ def snapped(
     return np.reshape(moved_s, (-1, 2)), np.reshape(found, (-1, 2)), said
 
 
-def _change(power: Floats, row: int, reach: int, exact: float, rises: bool) -> int | None:
-    """Return at which row near one power changes; None if that cannot be said exactly enough."""
+def _find_change(power: Floats, row: int, reach: int, exact: float, rises: bool) -> int | None:
+    """Return the row near ``row`` where power changes; None if that is not exact enough."""
     (n, channels), below, above = power.shape, reach, reach
     if n < 2 * SIDE_ROWS:
         return None
@@ -353,7 +353,7 @@ def _change(power: Floats, row: int, reach: int, exact: float, rises: bool) -> i
     return None
 
 
-def as_truth(label: NDArray[Any], key: str) -> Bools:
+def read_truth(label: NDArray[Any], key: str) -> Bools:
     """Convert bools, or numbers that are 0 or 1, to bools of shape (n,); ``key`` names them."""
     flat = label.reshape(-1)
     wrong = flat[~np.isin(flat, (0, 1))] if label.dtype.kind in 'biuf' else flat

@@ -54,7 +54,7 @@ class DamageError(ValueError):
     """Damage to a file, of which all before it was read."""
 
 
-def mcap_messages(path: Path) -> Iterator[Received]:
+def read_mcap(path: Path) -> Iterator[Received]:
     """Yield the messages of all topics in the order of the file.
 
     At damage a DamageError says where it is; damage within a record may raise anything.
@@ -63,19 +63,19 @@ def mcap_messages(path: Path) -> Iterator[Received]:
     with open(path, 'rb') as file:
         if file.read(len(MAGIC)) != MAGIC:
             raise DamageError('is damaged at byte 0, or no MCAP')
-        for opcode, record in _records(file, len(MAGIC)):
+        for opcode, record in _read_records(file, len(MAGIC)):
             number = int.from_bytes(record[:2], 'little')
             if opcode == _MESSAGE:
                 at_ns = _MESSAGE_HEAD.unpack_from(record)[2]
                 yield topics[number], at_ns, record[_MESSAGE_HEAD.size :]
             elif opcode == _SCHEMA:
-                schemas[number] = _texts(record[2:], 3)
+                schemas[number] = _read_texts(record[2:], 3)
             elif opcode == _CHANNEL:
                 described = schemas.get(int.from_bytes(record[2:4], 'little'), ['', '', ''])
-                topics[number] = Topic(*_texts(record[4:], 1), *described)
+                topics[number] = Topic(*_read_texts(record[4:], 1), *described)
 
 
-def _records(data: IO[bytes], begin: int, chunk: int = 0) -> Iterator[tuple[int, bytes]]:
+def _read_records(data: IO[bytes], begin: int, chunk: int = 0) -> Iterator[tuple[int, bytes]]:
     """Yield opcode and content of what describes topics and of messages, up to the footer.
 
     ``chunk`` is the first byte of the chunk that the data are; 0: they are the file.
@@ -104,7 +104,7 @@ def _records(data: IO[bytes], begin: int, chunk: int = 0) -> Iterator[tuple[int,
                 raw = unpack(content[records_at:], n_bytes)
                 if len(raw) != n_bytes or (checksum and zlib.crc32(raw) != checksum):
                     raise DamageError(f'has a damaged chunk at byte {place}')
-                yield from _records(io.BytesIO(raw), 0, place)
+                yield from _read_records(io.BytesIO(raw), 0, place)
             elif not n:  # What is there of a chunk that is not compressed is records.
                 begin = place + _RECORD.size + records_at
     if chunk and begin > size:
@@ -113,7 +113,7 @@ def _records(data: IO[bytes], begin: int, chunk: int = 0) -> Iterator[tuple[int,
         raise DamageError(f'is cut off at byte {size}')
 
 
-def _texts(content: bytes, n: int) -> list[str]:
+def _read_texts(content: bytes, n: int) -> list[str]:
     """Return the texts at the beginning of a record, each after its length."""
     data = io.BytesIO(content)
     return [data.read(int.from_bytes(data.read(4), 'little')).decode() for _ in range(n)]

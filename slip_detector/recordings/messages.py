@@ -192,32 +192,26 @@ class JointStateWriter:
     """
 
     def __init__(self, frame_id: str, names: Sequence[str], efforts: bool = False) -> None:
-        raw = bytearray(LITTLE_ENDIAN).ljust(TEXTS, b'\0')
-
-        def append(number: int, content: bytes = b'', alignment: int = 1) -> None:
-            raw.extend(bytes(-len(raw) % LENGTH.size) + LENGTH.pack(number))
-            padding = (ENCAPSULATION_BYTES - len(raw)) % alignment if content else 0
-            raw.extend(bytes(padding) + content)
-
-        frame, *texts = (text.encode() + b'\0' for text in (frame_id, *names))
-        append(len(frame), frame)
-        append(len(names))
-        for text in texts:
-            append(len(text), text)
-        for n in (len(names), 0, len(names) if efforts else 0):
-            append(n, bytes(DOUBLES.itemsize * n), DOUBLES.itemsize)
-        numbers = joint_state_layout(bytes(raw)).numbers
-        self._position, self._effort = numbers['position'], numbers['effort']
-        # A memoryview: writing more or fewer bytes than a slice has is an error.
-        self._raw = memoryview(raw)
+        number = LENGTH.pack(n := len(names))
+        texts = b''.join([_pack_text(frame_id), number, *map(_pack_text, names), number])
+        padding = -(STAMP.size + len(texts)) % DOUBLES.itemsize if n else 0
+        self._texts, self._n_bytes = texts + bytes(padding), DOUBLES.itemsize * n
+        #: The lengths of velocity and effort.
+        self._lengths = LENGTH.pack(0) + LENGTH.pack(n if efforts else 0)
 
     def serialize(self, stamp_ns: int, position: Floats, effort: 'Floats | None' = None) -> bytes:
         """Return one message."""
-        STAMP.pack_into(self._raw, ENCAPSULATION_BYTES, *divmod(stamp_ns, 1_000_000_000))
-        self._raw[self._position] = position.tobytes()
-        if effort is not None:
-            self._raw[self._effort] = effort.tobytes()
-        return bytes(self._raw)
+        if position.nbytes != self._n_bytes:
+            raise ValueError(f'{position.nbytes} bytes of positions, allowed: {self._n_bytes}')
+        head = LITTLE_ENDIAN + b'\0\0' + STAMP.pack(*divmod(stamp_ns, 1_000_000_000))
+        efforts = b'' if effort is None else effort.tobytes()
+        return head + self._texts + position.tobytes() + self._lengths + efforts
+
+
+def _pack_text(text: str) -> bytes:
+    """Return a text after its length, with padding up to the next length."""
+    content = text.encode() + b'\0'
+    return LENGTH.pack(len(content)) + content + bytes(-len(content) % LENGTH.size)
 
 
 class FieldReader:
@@ -257,17 +251,17 @@ class FieldReader:
         #: For each path, the name of each field and of its elements: '' for all, ':' for rows,
         #: None for the field itself.
         self._paths: list[list[tuple[str, str | None]]] = []
-        for one in path.split(','):
+        for single in path.split(','):
             self._paths.append([])
-            for part in one.strip().split('.'):
+            for part in single.strip().split('.'):
                 match = _STEP.fullmatch(part)
-                if not match or (match['element'] == ':' and '[:]' in one.partition('[:]')[2]):
+                if not match or (match['element'] == ':' and '[:]' in single.partition('[:]')[2]):
                     raise ValueError(f'field {path!r} has the part {part!r}, allowed: {_SYNTAX}')
                 self._paths[-1].append((match['name'], match['element']))
 
-    def begins_in(self, kind: Any) -> bool:
+    def begins_in(self, message_class: Any) -> bool:
         """Return whether all paths begin with a field of a class of messages."""
-        return all(_own_name(steps[0][0], kind) for steps in self._paths)
+        return all(_find_field(steps[0][0], message_class) for steps in self._paths)
 
     def __call__(self, message: Any) -> Floats:
         """Return the numbers of the field.
@@ -292,8 +286,8 @@ class FieldReader:
         with np.errstate(invalid='ignore'):  # a signalling NaN warns
             numbers: Floats = np.array(rows, np.float64).reshape(len(rows), -1 if rows else 0)
         dimensions = message.layout.dim if hasattr(message, 'layout') else []
-        if self.path == 'data' and [each.label for each in dimensions] == BATCH_LABELS:
-            shape = [int(each.size) for each in dimensions]
+        if self.path == 'data' and [dimension.label for dimension in dimensions] == BATCH_LABELS:
+            shape = [int(dimension.size) for dimension in dimensions]
             return numbers.ravel()[int(message.layout.data_offset) :].reshape(shape)
         return numbers
 
@@ -302,7 +296,7 @@ class FieldReader:
         if not steps:
             return [self._numbers(value)]
         (name, element), *rest = steps
-        if not (own := _own_name(name, value.__class__)):
+        if not (own := _find_field(name, value.__class__)):
             raise self._error(name, value)
         inner = getattr(value, own)
         try:
@@ -313,7 +307,7 @@ class FieldReader:
             raise self._error(f'{name}[{element}]', value) from None
         if not elements and element != ':':
             raise self._error(name, value)
-        parts = [self._rows(one, rest) for one in elements]
+        parts = [self._rows(element_value, rest) for element_value in elements]
         return [*itertools.chain(*parts)] if element == ':' else self._side_by_side(parts)
 
     def _side_by_side(self, parts: list[list[Sequence[Any]]]) -> list[Sequence[Any]]:
@@ -343,18 +337,18 @@ class FieldReader:
 
 
 @functools.cache
-def _field_names(kind: Any) -> tuple[str, ...]:
+def _field_names(message_class: Any) -> tuple[str, ...]:
     """Return the names of the fields in a class of messages; empty for other classes."""
-    if hasattr(kind, 'get_fields_and_field_types'):  # of rclpy
-        return tuple(kind.get_fields_and_field_types())
-    fields = dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ()
+    if hasattr(message_class, 'get_fields_and_field_types'):  # of rclpy
+        return tuple(message_class.get_fields_and_field_types())
+    fields = dataclasses.fields(message_class) if dataclasses.is_dataclass(message_class) else ()
     # The message classes of rosbags have the name of the type as a further field.
-    return tuple(one.name for one in fields if not one.name.startswith('__'))
+    return tuple(field.name for field in fields if not field.name.startswith('__'))
 
 
 @functools.cache
-def _own_name(name: str, kind: Any) -> str:
+def _find_field(name: str, message_class: Any) -> str:
     """Return which field of a message has this name, if need be but for case; '': none."""
-    names = _field_names(kind)
+    names = _field_names(message_class)
     alike = [own for own in names if own.lower() == name.lower()]
     return name if name in names else alike[0] if alike else ''

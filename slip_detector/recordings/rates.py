@@ -22,7 +22,7 @@ from slip_detector.chain.samples import Bools, Floats, Samples, Stamps
 from slip_detector.chain.stamp_rules import BUNCHED, GAP_PERIODS
 from slip_detector.parameters import ChainConfig, allowed
 
-#: Rows of the lower rate that the low-pass takes on either side of a row.
+#: Number of rows of the lower rate on either side of a row that the low-pass uses.
 HALF_ROWS = 20
 
 #: Edge of the low-pass as a share of half the lower rate. Above half the lower rate the gain is
@@ -40,7 +40,7 @@ MOST_AT_ONCE, FEWEST_STEPS = 16, 32
 ALIKE = 0.25
 
 
-def checked_rate(rate_hz: float) -> float:
+def require_rate(rate_hz: float) -> float:
     """Return the rate of a recording; raise a ValueError if no chain can have it."""
     field = ChainConfig.__dataclass_fields__['sample_rate_hz']
     if not field.metadata['low'] <= rate_hz <= field.metadata['high']:
@@ -48,13 +48,14 @@ def checked_rate(rate_hz: float) -> float:
     return rate_hz
 
 
-def rate_of(stamps_ns: Stamps, what: str) -> float:
+def measure_rate(stamps_ns: Stamps, what: str) -> float:
     """Return the rate at which rows were taken, in Hz.
 
-    It is the inverse of the mean step between rows, which averages jitter; gaps and steps
-    backwards are left out. Where many stamps are the same, the rows are counted. Where most steps
-    differ, rows are taken some at a time: a message that is late, as those without a header are,
-    makes one such step longer and the next one shorter, and both are kept or left out.
+    The rate is the inverse of the mean step between rows, which averages jitter. Gaps and steps
+    backwards are left out. With a coarse clock, where many stamps are the same, the rows are
+    counted. Where most steps differ, steps over several rows are measured: a message without a
+    header has its time of receipt, and a late one makes its step longer and the next step shorter,
+    which cancels over several rows.
 
     Parameters
     ----------
@@ -71,7 +72,7 @@ def rate_of(stamps_ns: Stamps, what: str) -> float:
     Examples
     --------
     >>> stamps_ns = np.array([0, 10, 20, 520, 530]) * 1_000_000  # half a second is missing
-    >>> round(rate_of(stamps_ns, 'the column time_s'), 6)
+    >>> round(measure_rate(stamps_ns, 'the column time_s'), 6)
     100.0
     """
     steps_ns = np.diff(stamps_ns)
@@ -80,7 +81,7 @@ def rate_of(stamps_ns: Stamps, what: str) -> float:
     rows = max(1, min(MOST_AT_ONCE, len(steps_ns) // FEWEST_STEPS))
     if rows > 1:
         usual_ns = np.median(steps_ns)
-        # Where most are alike they are taken singly: of many rows at a time one may be lost.
+        # Steps that are alike are measured singly, as a lost row would spoil a step over several.
         alike = np.abs(steps_ns - usual_ns) < ALIKE * usual_ns
         rows = 1 if np.mean(alike) > 0.75 else rows
     spans_ns = np.diff(stamps_ns[::rows])
@@ -92,7 +93,7 @@ def rate_of(stamps_ns: Stamps, what: str) -> float:
     return 1e9 * rows / float(np.mean(spans_ns[np.abs(spans_ns - middle_ns) <= off_ns]))
 
 
-def resampled(stretch: Samples, from_hz: float, to_hz: float) -> Samples:
+def resample(stretch: Samples, from_hz: float, to_hz: float) -> Samples:
     """Resample rows that are evenly spaced, with a low-pass for the lower of the two rates.
 
     The rows are taken to be constant before the first and after the last one. A constant channel
@@ -109,19 +110,19 @@ def resampled(stretch: Samples, from_hz: float, to_hz: float) -> Samples:
     Examples
     --------
     >>> rows = Samples(np.full((100, 2), 4.3), np.arange(100) * 5_000_000)  # 0.5 s at 200 Hz
-    >>> resampled(rows, 200.0, 380.0).volts.shape
+    >>> resample(rows, 200.0, 380.0).volts.shape
     (189, 2)
     """
     import scipy.signal  # takes a while, and few recordings need it
 
-    # Accurate to some millionths, in whichever direction it goes.
+    # The fraction is accurate to some millionths for both directions.
     share = fractions.Fraction(min(from_hz, to_hz) / max(from_hz, to_hz))
     few, many = share.limit_denominator(MOST_FACTOR).as_integer_ratio()
     up, down = (many, few) if to_hz > from_hz else (few, many)
     low_pass = scipy.signal.firwin(2 * HALF_ROWS * many + 1, EDGE / many, window='blackman')
     bad = ~np.isfinite(stretch.volts)
-    good = forward_filled(stretch.volts, bad)
-    # The filter begins with zeros, so it gets what comes after the first row.
+    good = fill_forward(stretch.volts, bad)
+    # The filter starts with zeros, so it gets the differences from the first row.
     held = np.repeat(good[-1:], HALF_ROWS * many // up + 1, axis=0)
     change = np.concatenate([good, held]) - good[0]
     n = (len(good) - 1) * up // down + 1
@@ -134,7 +135,7 @@ def resampled(stretch: Samples, from_hz: float, to_hz: float) -> Samples:
     return rows._replace(volts=volts, stamps_ns=rows.stamps_ns + after_ns)
 
 
-def forward_filled(volts: Floats, bad: Bools) -> Floats:
+def fill_forward(volts: Floats, bad: Bools) -> Floats:
     """Return the volts with each bad value replaced by the last good value of its channel.
 
     Before the first good value it is replaced by that value, or by 0 if there is none.

@@ -30,14 +30,11 @@ from numpy.typing import NDArray
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.stamps import StampGrid
 from slip_detector.parameters import RATE_TOLERANCE, RecordingConfig, rates_differ, refuse
-from slip_detector.recordings.labels import Labels, label_at
-from slip_detector.recordings.rates import MOST_FACTOR, resampled
+from slip_detector.recordings.labels import Labels, label_times
+from slip_detector.recordings.rates import MOST_FACTOR, resample
 
 #: Number of rows that are read at a time: enough to be fast, and only some MB for 100 channels.
 PIECE_ROWS = 8192
-
-#: Fields of rows whose labels are not known.
-UNLABELLED: dict[str, Any] = {'truth': None, 'certain': None}
 
 #: Longest error on a file.
 MOST_CHARACTERS = 1500
@@ -60,8 +57,8 @@ class RecordingCounts:
     bad_samples : int
         Values that are NaN, infinite or outside of ``valid_range_v``.
     dropped : int
-        Rows that were left out because their stamp does not fit those before or their channels
-        are not those of the first message.
+        Rows that were left out: their stamp does not fit those before, or their channels are not
+        those of the first message.
     damage : str
         One line on the part of a recording that could not be read; empty if all was read.
     """
@@ -76,7 +73,7 @@ class RecordingCounts:
 
 
 @contextlib.contextmanager
-def named_errors(path: Path) -> Iterator[None]:
+def name_errors(path: Path) -> Iterator[None]:
     """Within a block, turn any error of reading a file into a ValueError of one line.
 
     NumPy, zipfile, csv and rosbags raise many kinds of error for a damaged file.
@@ -107,7 +104,7 @@ class Recording(ABC):
     has_truth : bool
         Whether the true slip is known.
     label_name : str
-        Name of the label that was sought, for the error where there is none.
+        Name of the label that was looked for, for the error where there is none.
     accuracy_s : float
         How exact the label is; 0: exact.
     kind : str
@@ -188,16 +185,16 @@ class Recording(ABC):
         self.counts = RecordingCounts()
         labels, (low_v, high_v) = self._labels, self.valid_range_v
         n = first_ns = last_ns = 0
-        with named_errors(self.path):
+        with name_errors(self.path):
             for rows in self.read():
                 first_ns = first_ns if n else int(rows.stamps_ns[0])
                 last_ns, n = int(rows.stamps_ns[-1]), n + len(rows.volts)
                 good = (rows.volts >= low_v) & (rows.volts <= high_v)
                 self.counts.bad_samples += int(np.count_nonzero(~good))
                 after_ns = rows.stamps_ns - first_ns
-                label = label_at(after_ns, labels.edges_ns, labels.accuracy_s) if labels else {}
-                known = {'accuracy_s': self.accuracy_s, 'kind': self.kind, **label}
-                yield rows._replace(**(UNLABELLED if self.mistaken else known))
+                label = label_times(after_ns, labels.edges_ns, labels.accuracy_s) if labels else {}
+                known: dict[str, Any] = {'accuracy_s': self.accuracy_s, 'kind': self.kind, **label}
+                yield rows._replace(**({'truth': None} if self.mistaken else known))
         damage, seconds = self.counts.damage, (last_ns - first_ns) * 1e-9
         if damage:
             self.counts.damage = f'{damage}: {n} samples up to {seconds:.3f} s are read'
@@ -253,13 +250,13 @@ class Recording(ABC):
         self.check_rate(wanted_hz)
         pieces = self._stretches(rate_hz if apart else wanted_hz, max_gap_s)
         if apart:
-            pieces = self._resampled(pieces, rate_hz, wanted_hz)
+            pieces = self._resample_stretches(pieces, rate_hz, wanted_hz)
         for piece in pieces:
             self.counts.rows += len(piece.volts)
             self.counts.stretches += piece.new_stretch
             yield piece
 
-    def _resampled(
+    def _resample_stretches(
         self, pieces: Iterator[Samples], from_hz: float, to_hz: float
     ) -> Iterator[Samples]:
         parts: list[Samples] = []
@@ -268,7 +265,7 @@ class Recording(ABC):
                 stretch = parts[0].then(*parts[1:])
                 n_bytes = stretch.volts.nbytes * max(1.0, to_hz / from_hz)
                 self.check_size(n_bytes, 'a stretch to resample')
-                yield resampled(stretch, from_hz, to_hz)
+                yield resample(stretch, from_hz, to_hz)
                 parts = []
             parts += [] if piece is None else [piece]
 

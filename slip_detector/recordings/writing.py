@@ -211,11 +211,10 @@ class BagWriter:
         # The accuracy and the kind are known even if this process is killed.
         document = json.dumps({INFORMATION: {'custom_data': self._writer.custom_data}})
         (folder / METADATA).write_text(document, encoding='utf-8')
-        types = get_typestore(Stores.ROS2_JAZZY)
+        about: Any = {'typestore': get_typestore(Stores.ROS2_JAZZY)}
+        about['offered_qos_profiles'] = [QUALITY]
         self._topics = {
-            topic: self._writer.add_connection(
-                topic, msgtype, typestore=types, offered_qos_profiles=[QUALITY]
-            )
+            topic: self._writer.add_connection(topic, msgtype, **about)
             for topic, msgtype in TOPICS.items()
         }
 

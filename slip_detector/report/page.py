@@ -180,7 +180,7 @@ def _parameter_rows(variants: Sequence[Variant]) -> list[list[str]]:
     sets = [config.to_parameters() for config in (type(configs[0])(), *configs)]
     names = dict.fromkeys(name for values in sets for name in values)
     undefined = texts.UNDEFINED
-    return [[name, *(_value(of.get(name, undefined)) for of in sets)] for name in names]
+    return [[name, *(_value(values.get(name, undefined)) for values in sets)] for name in names]
 
 
 def _parameters(variants: Sequence[Variant]) -> str:
@@ -297,7 +297,7 @@ def write_evaluation_report(
         When the file cannot be written; names it.
     """
     recordings = [recording for files in sets.values() for recording in files.values()]
-    figures, overviews = texts.by_name(report['sets']), [of.observer for of in recordings]
+    figures, overviews = texts.by_name(report['sets']), [each.observer for each in recordings]
     for title, overview in zip(figures, overviews, strict=True):
         overview.name = title
     whole = {'all recordings': report['all']} if len(recordings) > 1 else {}
@@ -343,5 +343,5 @@ def replay_variant(name: str, replay: Replay, parts: Mapping[str, Sequence[Track
         overviews.append(Overview(title, chain, track.samples.names, share, track.sample_rate_hz))
         outcomes[what].append(replay.run(track.rows(), track.sample_rate_hz, overviews[-1]))
         of_each[title] = figures_of_merit(outcomes[what][-1:])
-    of_all = {f'all {what}': figures_of_merit(of) for what, of in outcomes.items()}
+    of_all = {f'all {what}': figures_of_merit(several) for what, several in outcomes.items()}
     return Variant(name, overviews, {**of_all, **of_each})

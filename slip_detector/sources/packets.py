@@ -50,9 +50,6 @@ LONGEST_PACKET_NS = 60_000_000_000
 #: further behind, its sender was reset.
 MOST_BEHIND = 256
 
-_WRAP = 2**32
-_HALF = 2**31
-
 #: Largest number of bytes of a number on a line, with its comma.
 NUMBER_BYTES = 32
 
@@ -217,18 +214,17 @@ class PacketDecoder:
 
     def _in_order(self, sequence: int, time_us: int) -> bool | None:
         """Return whether the sender's clock restarted before a packet; None: drop the packet."""
-        ahead = (sequence - (self._last or 0)) % _WRAP
-        behind = -ahead % _WRAP
-        if self._last is not None and behind <= MOST_BEHIND:
-            self.counts['late'] += 1
-            return None
-        # A clock that stands still or runs backwards was restarted.
-        goes_on = ahead < _HALF and 0 < (time_us - self._last_us) % _WRAP < _HALF
-        clock_restarted = self._last is None or not goes_on
+        clock_restarted = self._last is None
         if self._last is not None:
-            self.counts['lost'] += ahead - 1 if ahead < _HALF else 0
+            ahead, passed_us = _steps(self._last, sequence), _steps(self._last_us, time_us)
+            if -MOST_BEHIND <= ahead <= 0:
+                self.counts['late'] += 1
+                return None
+            # A clock that stands still or runs backwards was restarted.
+            clock_restarted = ahead < 0 or passed_us <= 0
+            self.counts['lost'] += max(ahead - 1, 0)
             self.counts['restarts'] += clock_restarted
-        self._time_us += 0 if clock_restarted else (time_us - self._last_us) % _WRAP
+            self._time_us += 0 if clock_restarted else passed_us
         self._last, self._last_us = sequence, time_us
         return clock_restarted
 
@@ -238,6 +234,11 @@ class PacketDecoder:
         padded = np.zeros((len(data) // self._value_bytes, 4), np.uint8)
         padded[:, unused:] = np.frombuffer(data, np.uint8).reshape(-1, self._value_bytes)
         return padded.view('<u4' if self._kind & 8 else '<i4')[:, 0] >> 8 * unused
+
+
+def _steps(before: int, after: int) -> int:
+    """Return how far a counter of 32 bits went; negative: back, by less than half of its range."""
+    return (after - before + 2**31) % 2**32 - 2**31
 
 
 def cobs_decode(stuffed: bytes) -> bytes | None:

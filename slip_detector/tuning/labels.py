@@ -22,7 +22,7 @@ import numpy as np
 from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters import ChainConfig
-from slip_detector.recordings.labels import BY_EYE_S, label_at, snapped
+from slip_detector.recordings.labels import BY_EYE_S, label_times, snap
 from slip_detector.tuning.measuring import plain_chain
 from slip_detector.tuning.tracks import Track, at_rest, drop_disabled, edges_of, envelopes
 
@@ -55,7 +55,7 @@ CONTRADICTED, AS_LOUD, QUIET_SLIPS = 0.2, 0.75, 0.25
 
 
 def snap_labels(tracks: list[Track]) -> tuple[list[Track], list[str]]:
-    """Move labels by hand to where the power of the signal changes; see :func:`.snapped`.
+    """Move labels by hand to where the power of the signal changes; see :func:`.snap`.
 
     Then a recording in which all ends of slips are found is exact to :data:`.BY_EYE_S`, any other
     as exact as before. Labels that are so exact already stay as they are.
@@ -75,9 +75,9 @@ def snap_labels(tracks: list[Track]) -> tuple[list[Track], list[str]]:
             continue
         after_ns = np.append(rows.stamps_ns, rows.stamps_ns[-1] + 1) - rows.stamps_ns[0]
         edges_s = after_ns[edges_of(rows)] * 1e-9
-        moved_s, known, words = snapped(rows, edges_s, track.sample_rate_hz, by_s)
+        moved_s, known, words = snap(rows, edges_s, track.sample_rate_hz, by_s)
         now_s = BY_EYE_S if known.all() else by_s
-        label = label_at(after_ns[:-1], np.rint(1e9 * moved_s.ravel()).astype(np.int64), now_s)
+        label = label_times(after_ns[:-1], np.rint(1e9 * moved_s.ravel()).astype(np.int64), now_s)
         rows = rows._replace(accuracy_s=now_s, **label)
         snapped_tracks[k] = dataclasses.replace(track, samples=rows)
         sentences.append(f'{track.name}: {words}; ± {now_s:g} s')

@@ -24,7 +24,7 @@ import numpy as np
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters import ChainConfig, EvaluationConfig, refuse
 from slip_detector.tuning.measuring import learn_noise, slip_bands
-from slip_detector.tuning.sweep import sweep_thresholds, thresholds, vote_statistics
+from slip_detector.tuning.sweep import vote_statistics
 from slip_detector.tuning.tracks import Track, at_rest, faults_of, load_tracks
 
 #: Where the search for an unknown sensor begins, and its pass-band: from a frequency, or from a
@@ -156,13 +156,13 @@ def learn_threshold(track: Track, chain: ChainConfig, per_hour: float) -> tuple[
     # Only a threshold needs it, and it takes longer to load than all else.
     from scipy import special
 
-    parts = vote_statistics(chain, [chain.vote], [track])[chain.vote]
-    limits, statistic = thresholds(chain, parts), parts[0][0]
-    if chain.decision == 'evidence' and not statistic.any():
-        limits = np.array([chain.threshold])
     # Each rise counts as an alarm, from the first row on, as it does in the detector's output.
     config = EvaluationConfig(off_before_s=0.0)
-    alarms = sweep_thresholds(parts, limits, config, settling_rows=0)[0].rest[2]
+    (statistics,) = vote_statistics(chain, [chain.vote], [track], config)
+    limits, statistic = statistics.thresholds(), statistics.parts[0][0]
+    if chain.decision == 'evidence' and not statistic.any():
+        limits = np.array([chain.threshold])
+    alarms = statistics.events(limits)[0].rest[2]
     blocks = range(0, statistic.size, round(max(BLOCK_S * track.sample_rate_hz, 1.0)))
     peaks = np.sort(np.maximum.reduceat(statistic, blocks))
     loud = peaks.size - np.searchsorted(peaks, limits, 'right')

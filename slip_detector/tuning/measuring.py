@@ -24,7 +24,7 @@ from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.scores import REST, SLIP
 from slip_detector.parameters import ChainConfig, refuse
-from slip_detector.recordings.rates import forward_filled
+from slip_detector.recordings.rates import fill_forward
 from slip_detector.tuning.tracks import Track, at_rest, drop_disabled, edges_of, envelopes
 
 #: Spectra are of so many rows at most, and of so many at least.
@@ -75,7 +75,8 @@ LINE_HZ, BESIDE_HZ = (0.0, 0.5), (1.0, 6.0)
 #: Below this frequency a line cannot be distinguished from drift.
 LOWEST_LINE_HZ = 2.0
 
-#: Share of the slips that shows how large their steps are, and that where labels are by hand.
+#: Share of the slips whose largest steps are below the returned one, and that share where labels
+#: are by hand.
 SHARE_OF_SLIPS, SHARE_BY_HAND = 0.9, 0.8
 
 #: A finger that touches nothing stays below the level of contact for all but this share of time;
@@ -149,7 +150,7 @@ def _band_levels_db(
     truth, slipping = np.asarray(track.samples.truth), track.row_classes == SLIP
     for begin, end in track.stretches:
         volts = drop_disabled(track.volts[begin:end], chain)
-        volts = forward_filled(volts, ~np.isfinite(volts))
+        volts = fill_forward(volts, ~np.isfinite(volts))
         for start in range(0, end - begin - rows + 1, rows // 2):
             labels = slice(begin + start, begin + start + rows)
             slides = slipping[labels].mean() >= SLIDING
@@ -211,7 +212,9 @@ def learn_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, ..
         rows = envelopes(plain, track, settling_rows(plain) + most)
         levels.append(rows[np.isin(track.row_classes[: len(rows)], classes)])
     columns = [column[np.isfinite(column)] for column in np.concatenate(levels).T]
-    floors = np.array([np.quantile(one, BELOW_FLOOR) if one.size else 0.0 for one in columns])
+    floors = np.array(
+        [np.quantile(column, BELOW_FLOOR) if column.size else 0.0 for column in columns]
+    )
     if not floors.any():
         names = ', '.join(track.name for track in tracks)
         text = 'a recording at rest that is longer than the chain settles'
@@ -229,9 +232,9 @@ def find_mains(chain: ChainConfig, track: Track) -> tuple[float, str]:
     one with the lower multiple, as multiples of both may have the same alias.
     """
     rate_hz, rows = track.sample_rate_hz, round(SPECTRUM_S * track.sample_rate_hz)
-    longest = max(track.stretches, key=lambda one: one.end - one.start)
+    longest = max(track.stretches, key=lambda stretch: stretch.end - stretch.start)
     volts = drop_disabled(track.volts, chain)[slice(*longest)]
-    volts = forward_filled(volts, ~np.isfinite(volts))
+    volts = fill_forward(volts, ~np.isfinite(volts))
     volts = volts[:, np.ptp(volts, axis=0) > 0.0]
     if chain.common_mode != 'none' and volts.size:
         volts = volts - volts[0]
@@ -247,7 +250,7 @@ def find_mains(chain: ChainConfig, track: Track) -> tuple[float, str]:
         lines = {mains_hz: _lines(mains_hz, rate_hz, *spectra) for mains_hz in MAINS_HZ}
     if not any(lines.values()):
         return 0.0, f'no line of the mains is {LEAST_LINE_DB:g} dB above the noise on all channels'
-    best = max(lines, key=lambda one: (len(lines[one]), -min(lines[one], default=0)))
+    best = max(lines, key=lambda hz: (len(lines[hz]), -min(lines[hz], default=0)))
     heights = ', '.join(lines[best].values())
     return best, f'mains of {best:g} Hz: lines of {heights} on all channels'
 
@@ -289,7 +292,7 @@ def slip_steps_v(chain: ChainConfig, tracks: Sequence[Track], rows: int = 1) -> 
         steps = np.zeros(volts.shape)
         for begin, end in track.stretches:
             part = volts[begin:end]
-            filled = forward_filled(part, ~((part >= low_v) & (part <= high_v)))
+            filled = fill_forward(part, ~((part >= low_v) & (part <= high_v)))
             each = np.abs(filled[rows:] - filled[:-rows])
             steps[begin + rows : end] = np.sort(each, axis=1)[:, ::-1]
         # Also where the label is not certain, as the first rows of a slip may be its largest.

@@ -27,7 +27,7 @@ from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.events import LASTING, Events, saved_by_chance_s
 from slip_detector.parameters import ChainConfig, EvaluationConfig, TuneConfig
 from slip_detector.recordings.labels import KINDS
-from slip_detector.tuning import sweep
+from slip_detector.tuning.sweep import Vote, VoteStatistics, vote_statistics, votes_of
 from slip_detector.tuning.tracks import Track
 
 #: Figures by name, None where one is not defined: those of :meth:`.Events.at` and of
@@ -47,22 +47,22 @@ FOLDS = 8
 
 
 class Compared(NamedTuple):
-    """How a figure is compared with that of another chain.
+    """How a figure of a chain is compared with the same figure of another chain.
 
     Attributes
     ----------
     weight : str
         The parameter of :class:`.TuneConfig` that a difference costs; empty: 1 ms.
-    sign : float
+    direction : float
         1 where more is better, -1 where less is.
     step : float
-        Up to this difference two are equal.
+        Figures that differ by no more than this are equal.
     per : float
-        How often a difference of 1 costs the weight.
+        How many times a difference of 1 costs the weight.
     """
 
     weight: str
-    sign: float
+    direction: float
     step: float
     per: float = 1.0
 
@@ -83,8 +83,9 @@ COMPARED = {
 def worse_by(figures: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Floats]:
     """Return by how much each of :data:`COMPARED` is worse than another chain's; 0 or less: not.
 
-    A figure that the other chain lacks is left out; one that this chain alone lacks is NaN.
-    Only the area under the ROC curve is compared where the other chain is no better than chance.
+    A figure that is not defined for the other chain is left out; one that is not defined for this
+    chain alone is NaN. If the other chain is no better than chance, only the area under the ROC
+    curve is compared.
 
     Parameters
     ----------
@@ -100,9 +101,9 @@ def worse_by(figures: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, 
             continue
         if name.startswith('latency'):  # An alarm that comes before its slip brings nothing.
             before, now = max(before, 0.0), np.maximum(now, 0.0)
-        differences[name] = COMPARED[name].sign * (before - now)
-    # A chain that is ON for less of the rest is by chance ON for less of the slips too, and what
-    # is ON for much of the rest has few alarms.
+        differences[name] = COMPARED[name].direction * (before - now)
+    # A chain that is ON for less of the rest is by chance ON for less of the slips too. A chain
+    # that is ON for much of the rest has few alarms, as an alarm needs an OFF before it.
     on = (np.array(each['false_time_percent'], np.float64) for each in (other, figures))
     less_percent = np.maximum(np.subtract(*map(np.nan_to_num, on)), 0.0)
     if 'coverage' in differences:
@@ -177,7 +178,7 @@ class Problem:
     ----------
     tracks : sequence of Track
         The recordings to tune on, with at least one slip and some time without slip.
-    given : ChainConfig
+    origin : ChainConfig
         The chain with which the search begins.
     figures : dict or None
         Figures of the running chain, which must not get worse.
@@ -190,7 +191,7 @@ class Problem:
     """
 
     tracks: Sequence[Track]
-    given: ChainConfig = dataclasses.field(default_factory=ChainConfig)
+    origin: ChainConfig = dataclasses.field(default_factory=ChainConfig)
     figures: Figures | None = None
     evaluation: EvaluationConfig = dataclasses.field(default_factory=EvaluationConfig)
     config: TuneConfig = dataclasses.field(default_factory=TuneConfig)
@@ -198,7 +199,7 @@ class Problem:
 
     def study_name(self) -> str:
         """Return a name for the study that no other problem has, however recordings are named."""
-        sets = (self.given, self.evaluation, self.config)
+        sets = (self.origin, self.evaluation, self.config)
         shapes = [(track.stretches, track.sample_rate_hz) for track in self.tracks]
         known = [each.to_parameters() for each in sets], self.figures, shapes
         digest = hashlib.sha256(repr(known).encode())
@@ -219,44 +220,37 @@ class Problem:
             When the chain cannot be built.
         """
         candidates = []
-        statistics = sweep.vote_statistics(chain, sweep.votes_of(chain), self.tracks)
-        for vote, parts in statistics.items():
-            limits = sweep.thresholds(chain, parts)
+        for statistics in self._statistics(chain, votes_of(chain)):
+            limits = statistics.thresholds()
             if limits.size:
-                voting = dataclasses.replace(chain, vote=vote)
-                candidates.append(self._cheapest(voting, parts, limits, NEIGHBOURS))
-        best = min(candidates, key=lambda one: one.cost_ms, default=None)
+                candidates.append(self._cheapest(statistics, limits, NEIGHBOURS))
+        best = min(candidates, key=lambda candidate: candidate.cost_ms, default=None)
         return best if best and best.cost_ms < math.inf else None
 
     def evaluate(self, chain: ChainConfig) -> Candidate:
         """Return the cost of a chain with its own threshold and vote."""
-        return self._cheapest(chain, self._parts(chain), np.array([chain.threshold]), neighbours=0)
+        (statistics,) = self._statistics(chain, [chain.vote])
+        return self._cheapest(statistics, np.array([chain.threshold]), neighbours=0)
 
-    def _parts(self, chain: ChainConfig) -> list[sweep.Part]:
-        """Return the statistics of a chain's own vote."""
-        return sweep.vote_statistics(chain, [chain.vote], self.tracks)[chain.vote]
+    def _statistics(self, chain: ChainConfig, votes: Sequence[Vote]) -> list[VoteStatistics]:
+        """Return the statistics of a chain with each vote."""
+        rows = max(settling_rows(chain), self.settling_rows)
+        return vote_statistics(chain, votes, self.tracks, self.evaluation, rows)
 
-    def _scoring(self, chain: ChainConfig) -> tuple[EvaluationConfig, int]:
-        """Return what counts as detected, and in how many rows a chain settles."""
-        return self.evaluation, max(settling_rows(chain), self.settling_rows)
-
-    def _cheapest(
-        self, chain: ChainConfig, parts: Sequence[sweep.Part], limits: Floats, neighbours: int
-    ) -> Candidate:
+    def _cheapest(self, statistics: VoteStatistics, limits: Floats, neighbours: int) -> Candidate:
         """Return a chain with the threshold that, with so many neighbours, costs least."""
-        scoring = self._scoring(chain)
-        swept = Events.pooled(sweep.sweep_thresholds(parts, limits, *scoring))
-        costs_ms = self._costs_ms(chain, limits, swept, neighbours)
+        swept = Events.pooled(statistics.events(limits))
+        costs_ms = self._costs_ms(statistics.chain, limits, swept, neighbours)
         at = int(np.argmin(costs_ms))
-        chain = dataclasses.replace(chain, threshold=float(limits[at]))
-        areas = sweep.count_scores(parts, chain.threshold, *scoring).aucs()
+        chain = dataclasses.replace(statistics.chain, threshold=float(limits[at]))
+        areas = statistics.count_scores(chain.threshold).aucs()
         auc = areas['auc'] or 0.0
         before = auc if self.figures is None else self.figures['auc'] or 0.0
         lacking = 1.0 - auc + WORSE_COUNTS * max(before - auc, 0.0)
         cost_ms = float(costs_ms[at]) + self.config.auc_costs_ms * lacking
         return Candidate(chain, cost_ms, {**swept.at(at), **areas})
 
-    def left_out(self, chain: ChainConfig) -> tuple[float, Floats]:
+    def cross_validate(self, chain: ChainConfig) -> tuple[float, Floats]:
         """Return what a chain costs where the threshold for a recording comes from the others.
 
         Returns
@@ -267,26 +261,26 @@ class Problem:
         costs_ms : ndarray, shape (folds,)
             Of all but one recording, or group of :data:`FOLDS`, for the error of the cost.
         """
-        parts, scoring = self._parts(chain), self._scoring(chain)
-        limits, limit = sweep.thresholds(chain, parts), np.array([chain.threshold])
+        (statistics,) = self._statistics(chain, [chain.vote])
+        limits, limit = statistics.thresholds(), np.array([chain.threshold])
         many = min(FOLDS, sum(bool(track.slips) for track in self.tracks))
         unknown = math.inf, np.zeros(many)
         if many < 2 or not limits.size:
             return unknown
         # Recordings with slips are spread over the groups.
         order = sorted(range(len(self.tracks)), key=lambda k: not self.tracks[k].slips)
-        events = sweep.sweep_thresholds(parts, limits, *scoring)
+        events = statistics.events(limits)
         folds = [Events.pooled(events[k] for k in order[fold::many]) for fold in range(many)]
         others = [[k for k in range(many) if k != fold] for fold in range(many)]
-        held_out = []
+        held_out_events = []
         for fold, rest in zip(folds, others, strict=True):
             pooled = Events.pooled(folds[k] for k in rest)
             costs_ms = self._costs_ms(chain, limits, pooled, NEIGHBOURS)
-            held_out.append(fold.at_one(int(np.argmin(costs_ms))))
-        auc = sweep.count_scores(parts, chain.threshold, *scoring).aucs()['auc']
+            held_out_events.append(fold.at_one(int(np.argmin(costs_ms))))
+        auc = statistics.count_scores(chain.threshold).aucs()['auc']
         lacking_ms = self.config.auc_costs_ms * (1.0 - (auc or 0.0))
         costs = [
-            self._costs_ms(chain, limit, Events.pooled(held_out[k] for k in part), 0)[0]
+            self._costs_ms(chain, limit, Events.pooled(held_out_events[k] for k in part), 0)[0]
             + lacking_ms
             for part in (range(many), *others)
         ]
@@ -340,9 +334,9 @@ class Problem:
     def _memory_costs_ms(self, chain: ChainConfig, limits: Floats) -> Floats | float:
         """Return what a chain's memory costs about the ends of slips, where labels hide that.
 
-        Labels by hand say nothing of the rows about their ends, but how long a chain remembers is
-        known: the rows of the mains comb and of windows, the time in which evidence falls from its
-        limit to a threshold, and that in which it rises there in the loudest slip.
+        Labels by hand say nothing about the rows around their ends. But how long a chain remembers
+        is known: the rows of the mains comb and of windows, the time in which evidence falls from
+        its limit to a threshold, and the time in which it rises to that in the loudest slip.
         """
         with_slips = [track for track in self.tracks if track.slips]
         rest_s = sum(track.without_slip_s for track in with_slips)
@@ -370,8 +364,8 @@ class Problem:
 def _sum_over_kinds(swept: Events, what: int) -> Floats:
     """Return the share of rest that is ON (1), or its alarms a second (2), over kinds; shape (T,).
 
-    It is that of rest plus the mean of those of the other kinds of recordings: rest counts as much
-    as all others together, and each of these as another, however long it is.
+    The share of rest is added to the mean share of the other kinds of recordings. So rest counts
+    as much as all kinds together, and each kind as much as any other, however long it lasts.
     """
     first = LASTING.index('rest') + 1
     parts = swept.lasting[1:first], swept.lasting[first:]  # the rest and the other kinds

@@ -168,7 +168,7 @@ class Study:
 
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         self.problem, self._where = problem, storage
-        self.space = SearchSpace(problem.given, problem.tracks)
+        self.space = SearchSpace(problem.origin, problem.tracks)
         self.candidate_at = functools.partial(candidate_at, problem, self.space)
         # Points of a batch keep away from each other.
         sampler = optuna.samplers.TPESampler(seed=seed, n_startup_trials=0, constant_liar=True)
@@ -207,7 +207,7 @@ class Study:
                 self._costs_ms.setdefault(frozenset(trial.params.items()), cost_ms)
                 if trial.value is not None:
                     kept = trial.user_attrs
-                    chain = dataclasses.replace(self.problem.given, **kept['parameters'])
+                    chain = dataclasses.replace(self.problem.origin, **kept['parameters'])
                     candidate = Candidate(chain, trial.value, kept['figures'])
                     self.trials.append(Trial(trial.params, candidate))
         # What was asked for is among them; until now the sampler kept away from these points.
@@ -248,7 +248,7 @@ class Study:
     def cheapest(self) -> Candidate | None:
         """The chain that costs least, if there is any."""
         candidates = [trial.candidate for trial in self.trials]
-        return min(candidates, key=lambda one: one.cost_ms, default=None)
+        return min(candidates, key=lambda candidate: candidate.cost_ms, default=None)
 
 
 def _open_storage(storage: str) -> Any:

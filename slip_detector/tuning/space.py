@@ -61,7 +61,7 @@ STAGES = {
     'activity': ('activity_cap_db', 'activity_range_db'),
 }
 
-#: How the names of the parameters of a point begin that only one decision has.
+#: Prefixes of the names of those parameters of a point that only one decision has.
 DECISION_PREFIXES = {
     'mean': ('decision_window',),
     'evidence': ('floor', 'noise', 'evidence', 'cap', 'impact', 'contact', 'activity', 'common_r'),
@@ -72,7 +72,7 @@ DECISION_PREFIXES = {
 #: steps would be taken for impacts.
 FEW_SLIPS, MANY_SLIPS = 2, 10
 
-#: Times over which a step may be an impact, and how large it is beside those of slips.
+#: Times over which the step of an impact is measured, and its size as a multiple of slips' steps.
 IMPACTS_S = (0.0, 0.005, 0.01, 0.02, 0.05)
 IMPACT_SCALES = (0.75, 1.5)
 
@@ -310,7 +310,7 @@ class SearchSpace:
             'activity': way(chain.activity_cap_db, chain == origin, 'searched'),
             'activity_cap_db': chain.activity_cap_db or ACTIVITY_CAP_DB,
         }
-        return {name: _nearest(one, values[name]) for name, one in self.distributions.items()}
+        return {name: _nearest(among, values[name]) for name, among in self.distributions.items()}
 
     def distance(self, point: dict[str, Any], other: dict[str, Any]) -> float:
         """Return the distance of two points: 1 for another choice, or for a parameter's range.
@@ -318,7 +318,9 @@ class SearchSpace:
         The parameters of a decision count only where both points have this decision.
         """
         decisions, steps = {point['decision'], other['decision']}, []
-        left_out = [names for one, names in DECISION_PREFIXES.items() if decisions != {one}]
+        left_out = [
+            names for decision, names in DECISION_PREFIXES.items() if decisions != {decision}
+        ]
         for name, allowed in self.distributions.items():
             a, b = point[name], other[name]
             if any(map(name.startswith, left_out)):
@@ -353,7 +355,7 @@ class SearchSpace:
         """
         allowed = self.distributions
         bands, _ = measuring.slip_bands(self._origin, self._tracks)
-        decisions = (MEAN, *EVIDENCES, *({**one, **TOGETHER} for one in EVIDENCES))
+        decisions = (MEAN, *EVIDENCES, *({**evidence, **TOGETHER} for evidence in EVIDENCES))
         of_bands = itertools.product(bands, WINDOWS_S, decisions)
         impacts = {'impact_s': IMPACTS_S[::2], 'impact_scale': IMPACT_SCALES}
         stages = [
@@ -405,5 +407,5 @@ def _nearest(allowed: Any, value: Any) -> Any:
     if value in allowed.choices:
         return value
     if isinstance(value, int):
-        return min(allowed.choices, key=lambda one: abs(one - value))
+        return min(allowed.choices, key=lambda choice: abs(choice - value))
     return 0.0 if 0.0 in allowed.choices else 'none'

@@ -22,21 +22,19 @@ filters run once, and a row takes time only for the thresholds that the number c
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from slip_detector.chain.samples import Floats
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.evaluation import matching
 from slip_detector.evaluation.events import Events
+from slip_detector.evaluation.matching import ScoredRows
 from slip_detector.evaluation.scores import SLIP, UNCERTAIN, ScoreCounts, ScoreTally
 from slip_detector.parameters import ChainConfig, EvaluationConfig
 from slip_detector.tuning.tracks import Track
 
 Vote = str | int
-
-#: The decision statistic of one vote for a track, shape (n,), and the track.
-Part = tuple[Floats, Track]
 
 #: Number of rows that the chain is given at a time, so that its results stay in the cache.
 ROWS_PER_CALL = 2048
@@ -79,35 +77,71 @@ def votes_of(config: ChainConfig) -> tuple[Vote, ...]:
     return votes if config.vote in votes else (*votes, config.vote)
 
 
-def thresholds(chain: ChainConfig, parts: Sequence[Part]) -> Floats:
-    """Return the thresholds of a vote to try, in rising order, evenly spaced in amplitude.
+class VoteStatistics(NamedTuple):
+    """The decision statistic of one vote over labelled recordings, and its figures.
 
-    They range from the median of the rows without slip to the value at which nothing is ON, or to
-    the limit of evidence. Thresholds of evidence are at least as far apart as a :data:`STEP` in
-    amplitude changes evidence during one window of the envelope. All are rounded before they are
-    tried, so that the threshold of a result is one that was tried. There is none where the
-    statistic is 0 throughout or infinite anywhere. Threshold and vote of the chain do not matter.
+    Attributes
+    ----------
+    chain : ChainConfig
+        The chain with this vote.
+    parts : sequence of (ndarray, Track, ScoredRows)
+        For each recording the statistic in the unit of the level, shape (n,); the chain is ON
+        exactly where it is above the threshold.
     """
-    top = max(float(statistic.max()) for statistic, _ in parts)
-    if not 0.0 < top < math.inf:
-        return np.zeros(0)
-    sparse = slice(None, None, STRIDE)
-    quiet = [part[sparse][one.row_classes[sparse] < SLIP] for part, one in parts]
-    rest = float(np.median(np.concatenate(quiet))) if any(map(len, quiet)) else 0.0
-    exponent, least_step, limit = chain.exponent, 0.0, math.inf
-    if chain.decision == 'evidence':  # in decibels, so no power of the amplitude, and limited
-        exponent, limit = 1, chain.evidence_limit_db_s
-        least_step = 20.0 * math.log10(STEP) * chain.envelope_window_s
-    low = max(rest, top * RANGE**-exponent, 1e-30)
-    value, falling = top, [round_digits(top)]
-    if falling[0] < top:
-        falling[0] = round_digits(falling[0] + 10.0 ** (math.floor(math.log10(top)) - 3))
-    while value > low:
-        value = min(value / STEP**exponent, value - least_step)
-        if value > 0.0:
-            falling.append(round_digits(value))
-    rising = np.array(falling[::-1])
-    return rising[rising < limit]
+
+    chain: ChainConfig
+    parts: Sequence[tuple[Floats, Track, ScoredRows]]
+
+    def thresholds(self) -> Floats:
+        """Return the thresholds to try in rising order, evenly spaced in amplitude.
+
+        They range from the median of the rows without slip to the value at which nothing is ON, or
+        to the limit of evidence. Thresholds of evidence are at least as far apart as a
+        :data:`STEP` in amplitude changes evidence during one window of the envelope. All are
+        rounded before they are tried, so that the threshold of a result is one that was tried.
+        There is none where the statistic is 0 throughout or infinite anywhere. The threshold of
+        the chain does not matter.
+        """
+        top = max(float(values.max()) for values, *_ in self.parts)
+        if not 0.0 < top < math.inf:
+            return np.zeros(0)
+        sparse = slice(None, None, STRIDE)
+        quiet = [
+            values[sparse][track.row_classes[sparse] < SLIP] for values, track, _ in self.parts
+        ]
+        rest = float(np.median(np.concatenate(quiet))) if any(map(len, quiet)) else 0.0
+        exponent, least_step, limit = self.chain.exponent, 0.0, math.inf
+        if (
+            self.chain.decision == 'evidence'
+        ):  # in decibels, so no power of the amplitude, and limited
+            exponent, limit = 1, self.chain.evidence_limit_db_s
+            least_step = 20.0 * math.log10(STEP) * self.chain.envelope_window_s
+        low = max(rest, top * RANGE**-exponent, 1e-30)
+        value, falling = top, [round_digits(top)]
+        if falling[0] < top:
+            falling[0] = round_digits(falling[0] + 10.0 ** (math.floor(math.log10(top)) - 3))
+        while value > low:
+            value = min(value / STEP**exponent, value - least_step)
+            if value > 0.0:
+                falling.append(round_digits(value))
+        rising = np.array(falling[::-1])
+        return rising[rising < limit]
+
+    def events(self, limits: Floats) -> list[Events]:
+        """Return the events of each recording at each of these thresholds, which rise."""
+        return [
+            rows.match(np.arange(values.size), values, limits)[1] for values, _, rows in self.parts
+        ]
+
+    def count_scores(self, threshold: float) -> ScoreCounts:
+        """Count the scores by class, as an evaluation with this threshold does."""
+        for values, track, rows in self.parts:
+            classes = track.row_classes.copy()
+            for (begin, _), settled in zip(track.stretches, rows.settled, strict=True):
+                classes[begin:settled] = UNCERTAIN
+            # The chain divides in the same way, so the scores equal an evaluation's to the bit.
+            _TALLY.add(values / threshold, classes)
+        return _TALLY.collect()
 
 
 def round_digits(value: float) -> float:
@@ -116,18 +150,30 @@ def round_digits(value: float) -> float:
 
 
 def vote_statistics(
-    config: ChainConfig, votes: Sequence[Vote], tracks: Sequence[Track]
-) -> dict[Vote, list[Part]]:
-    """Run a chain once over tracks; return the decision statistic of each, by vote.
+    config: ChainConfig,
+    votes: Sequence[Vote],
+    tracks: Sequence[Track],
+    evaluation: EvaluationConfig | None = None,
+    settling_rows: int = 0,
+) -> list[VoteStatistics]:
+    """Run a chain once over recordings; return the statistics of each vote.
 
-    It has the unit of the level. A chain with that vote is ON exactly where it is above the
-    threshold. Threshold and vote of the given chain are not used.
+    Parameters
+    ----------
+    config
+        The chain, whose own threshold and vote are not used.
+    votes, tracks
+        The votes and the recordings.
+    evaluation
+        What counts as detected; None: the defaults.
+    settling_rows
+        Number of rows for which the chain settles, see :func:`.filters.settling_rows`.
     """
     # The threshold is a power of two that evidence can reach, which is multiplied back without
     # rounding. The chain's own decision is not used, so it has the fastest vote.
     unit = 2.0 ** (math.floor(math.log2(config.evidence_limit_db_s)) - 1)
     chain = SlipChain(dataclasses.replace(config, vote='all', threshold=unit))
-    statistics: dict[Vote, list[Part]] = {vote: [] for vote in votes}
+    scoring, parts = evaluation or EvaluationConfig(), []
     for track in tracks:
         out = np.empty((len(votes), len(track.volts)))
         for begin, end in track.stretches:
@@ -137,44 +183,12 @@ def vote_statistics(
                 volts = track.volts[rows]
                 result = chain.update(volts, envelope=False, level=False, votes=tuple(votes))
                 np.multiply(result.vote_statistic.T, unit, out=out[:, rows])
-        for vote, statistic in zip(votes, out, strict=True):
-            statistics[vote].append((statistic, track))
-    return statistics
-
-
-def sweep_thresholds(
-    parts: Sequence[Part], limits: Floats, config: EvaluationConfig, settling_rows: int
-) -> list[Events]:
-    """Return the events of each track at each threshold.
-
-    Parameters
-    ----------
-    parts
-        The decision statistics of one vote.
-    limits
-        Thresholds in rising order.
-    config
-        What counts as detected.
-    settling_rows
-        Number of rows for which the chain settles, see :func:`.settling.settling_rows`.
-    """
-    events = []
-    for statistic, track in parts:
         known = track.sample_rate_hz, track.samples.accuracy_s, track.kind
-        rows = matching.ScoredRows(track.slips, track.stretches, settling_rows, config, *known)
-        events.append(rows.match(np.arange(statistic.size), statistic, limits)[1])
-    return events
-
-
-def count_scores(
-    parts: Sequence[Part], threshold: float, config: EvaluationConfig, settling_rows: int
-) -> ScoreCounts:
-    """Count the scores of tracks by class, as an evaluation with that threshold does."""
-    for statistic, track in parts:
-        classes = track.row_classes.copy()
-        unscored = matching.unscored_rows(settling_rows, config, track.sample_rate_hz)
-        for begin, end in track.stretches:
-            classes[begin : min(begin + unscored, end)] = UNCERTAIN
-        # The chain divides in the same way, so the scores equal an evaluation's to the bit.
-        _TALLY.add(statistic / threshold, classes)
-    return _TALLY.collect()
+        scored = ScoredRows(track.slips, track.stretches, settling_rows, scoring, *known)
+        parts.append((out, track, scored))
+    return [
+        VoteStatistics(
+            dataclasses.replace(config, vote=vote), [(out[k], *known) for out, *known in parts]
+        )
+        for k, vote in enumerate(votes)
+    ]

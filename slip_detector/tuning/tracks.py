@@ -31,7 +31,7 @@ from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.matching import RowInterval
 from slip_detector.evaluation.scores import SLIP, row_classes
 from slip_detector.parameters import ChainConfig, name_list, refuse
-from slip_detector.recordings import RecordingCounts, recording_sets
+from slip_detector.recordings import RecordingCounts, group_recordings
 
 #: Share of the time of a single recording that is tuned on; the rest is held out.
 TUNED_SHARE = 2 / 3
@@ -253,8 +253,8 @@ def load_tracks(
         When a recording cannot be read, does not suit the chain, does not exist, or has slips that
         recordings of its kind do not have; names it.
     """
-    sets = recording_sets(paths)
-    unwanted = {file.resolve() for files in recording_sets(left_out).values() for file in files}
+    sets = group_recordings(paths)
+    unwanted = {file.resolve() for files in group_recordings(left_out).values() for file in files}
     tracks = []
     for folder, files in sets.items():
         for file in (file for file in files if file.resolve() not in unwanted):

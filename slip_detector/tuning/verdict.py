@@ -36,13 +36,7 @@ from slip_detector.parameters import (
 from slip_detector.recordings.labels import ENDING, MISTAKEN
 from slip_detector.tuning.labels import contradictions, snap_labels
 from slip_detector.tuning.learning import learn
-from slip_detector.tuning.problem import (
-    COMPARED,
-    Candidate,
-    Problem,
-    beats_chance,
-    worse_figures,
-)
+from slip_detector.tuning.problem import COMPARED, Candidate, Problem, beats_chance, worse_figures
 from slip_detector.tuning.search import Calls, Study, search
 from slip_detector.tuning.tracks import Track, TrainingFiles
 
@@ -71,7 +65,7 @@ class TuningParameters(NamedTuple):
         return RecordingLoader(self.chain, self.recording, self.evaluation)
 
     def problem(self, tracks: Sequence[Track], begin: ChainConfig | None = None) -> Problem:
-        """Return the problem of a search on tracks that begins with a chain or the given one."""
+        """Return the problem of a search that begins with a chain, else with the running one."""
         problem = Problem(tracks, begin or self.chain, None, self.evaluation, self.tune)
         return dataclasses.replace(problem, figures=problem.evaluate(self.chain).figures)
 
@@ -225,29 +219,31 @@ def _read(files: TrainingFiles, chain: ChainConfig) -> tuple[list[Track], list[T
 def choose(study: Study) -> Candidate | None:
     """Return the result of a search; None where no trial found a chain.
 
-    The cheapest chains are compared by what they cost in each recording with the threshold that
-    the other recordings give. Of those that cost as much as the best one, to one standard error
-    (by the jackknife) of the difference, it is the nearest to the given chain. So with few slips,
-    which cannot distinguish a good chain from a lucky one, the result stays close to the given
-    chain; where too few recordings have slips to leave one out, it is the nearest of the cheapest.
-    But its area under the ROC curve is not below both that of the best and that of the running
-    chain: as the area is of many rows, few slips do not explain a lower one.
+    The cheapest chains are compared by their costs in each recording, where the threshold comes
+    from the other recordings. A chain costs as much as the best one if the difference is below
+    one standard error (by the jackknife). The result is the nearest of these to the chain with
+    which the search began. So with few slips, which cannot distinguish a good chain from a lucky
+    one, the result stays close to that chain. Where too few recordings have slips to leave one
+    out, the result is the nearest of the cheapest chains.
+
+    The result's area under the ROC curve is not below both the area of the best and that of the
+    running chain: the area is of many rows, so that few slips do not explain a lower one.
     """
     problem, space = study.problem, study.space
     if not study.trials:
         return None
     cheapest = sorted(study.trials, key=lambda trial: trial.candidate.cost_ms)[:COMPARED_CHAINS]
     tried = [trial.candidate for trial in cheapest]
-    costs = [problem.left_out(candidate.chain) for candidate in tried]
+    costs = [problem.cross_validate(candidate.chain) for candidate in tried]
     best = min(range(len(tried)), key=lambda k: costs[k][0])
     best_ms, best_costs_ms = costs[best]
     both = tried[best].figures, problem.figures or {'auc': None}
     least_area = min(figures['auc'] or 0.0 for figures in both) - COMPARED['auc'].step
-    given, distances = space.point(problem.given), dict[int, float]()
+    origin, distances = space.point(problem.origin), dict[int, float]()
     for k, (cost_ms, costs_ms) in enumerate(costs):
         error_ms = math.sqrt(costs_ms.size - 1) * float(np.std(costs_ms - best_costs_ms))
         if cost_ms <= best_ms + error_ms and (tried[k].figures['auc'] or 0.0) >= least_area:
-            distances[k] = space.distance(cheapest[k].point, given)
+            distances[k] = space.distance(cheapest[k].point, origin)
     return tried[min(distances, key=lambda k: distances[k])]
 
 
@@ -256,8 +252,8 @@ def judge(
 ) -> Verdict:
     """Choose between the running chain and the best one found, by the held-out recordings.
 
-    On these the best one has to be better than chance, better in at least one of
-    :data:`.problem.COMPARED`, and worse in none.
+    There the best chain has to beat chance, and to be better in at least one and worse in none
+    of :data:`.problem.COMPARED`.
     """
     if best is None:
         return Verdict(running, 'nothing that was tried finds slips')

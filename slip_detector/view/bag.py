@@ -81,8 +81,6 @@ class PlayedBag:
         self._after_ns = np.array([], np.int64)
         self._labels: HandLabels | None = None
         self.duration_s, self.channel_names = 0.0, tuple[str, ...]()
-        # The number of changes of the labels or the detector.
-        self._changes, self._seen = 0, tuple[Any, ...]()
         self.speed, self.playing = 1.0, True
         # The place, the next row, what is added to its stamp, and when :meth:`due` was called.
         self._at_s, self._next, self._later_ns, self._now_s = 0.0, 0, 0, -math.inf
@@ -124,14 +122,10 @@ class PlayedBag:
             # Nothing is due before it is read, or at its end.
             finger.paused = not self.playing or self._next == len(self._after_ns)
         ends = self._labels.ends if self._labels else []
-        seen = finger and finger.config, self._labels is None, *ends
-        if seen != self._seen:
-            self._seen = seen
-            self._changes += 1
         state: dict[str, Any] = {'name': self.path.name, 'labels': str(self.file)}
         state |= {'at_s': round(self._at_s, 3), 'speed': self.speed, 'playing': self.playing}
         state |= {'reading': '' if self._labels else self._reading, 'duration_s': self.duration_s}
-        state |= {'changes': self._changes, 'slip_s': pairs_of(ends)}
+        state |= {'changes': finger and finger.count, 'slip_s': pairs_of(ends)}
         self._server.broadcast('bag_places', {'places': self._places})
         self._server.broadcast('bag', state)
 
@@ -173,8 +167,7 @@ class PlayedBag:
         ends = self.hand_labels.ends
         rows = [piece._replace(**self._label_of(piece)) for piece in self._track.rows()]
         traced = trace_of(config, rows, self._track.sample_rate_hz, BINS)
-        duration_s = max(traced['duration_s'], self.duration_s)
-        return {**traced, 'duration_s': duration_s, 'slip_s': pairs_of(ends)}
+        return {**traced, 'duration_s': self.duration_s, 'slip_s': pairs_of(ends)}
 
     @property
     def hand_labels(self) -> HandLabels:

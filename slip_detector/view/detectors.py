@@ -174,9 +174,9 @@ class Finger:
         wanted = self.history[-1].before if self.history else self.config
         return self.config.changes_to(wanted, FIXED_PARAMETERS)
 
-    def as_in_file(self) -> Values:
-        """Return the values that restore those of the file; empty if nothing differs."""
-        return self.config.changes_to(self.in_file, FIXED_PARAMETERS)
+    def as_in_file(self, kept: Collection[str] = ()) -> Values:
+        """Return the values that restore those of the file but for some that are kept."""
+        return self.config.changes_to(self.in_file, {*FIXED_PARAMETERS, *kept})
 
     @property
     def offer(self) -> str:

@@ -61,7 +61,8 @@ class HandLabels:
         samples, is_new = read().samples, not file.exists()
         after_s = (samples.stamps_ns - samples.stamps_ns[0]) * 1e-9
         self._last_s, self._kind = float(after_s[-1]), samples.kind
-        own_s = np.append(after_s, self._last_s)[edges_of(samples)].round(4)
+        stops_s = np.append(after_s, self._last_s)  # A slip may end with the recording.
+        own_s = stops_s[edges_of(samples)].round(4) if samples.truth is not None else stops_s[:0]
         ends_s = own_s if is_new else labels.read_labels(file).edges_s
         self.ends: Ends = [(end_s, accuracy_s) for end_s in ends_s.ravel().tolist()]
         self._before: list[Ends] = []
@@ -69,13 +70,13 @@ class HandLabels:
         self._own = self.ends if is_new else None
 
     def at(self, after_ns: Stamps) -> dict[str, Any]:
-        """Return the labels at times after the first sample, see :func:`.label_at`."""
+        """Return the labels at times after the first sample, see :func:`.label_times`."""
         ends_ns = np.rint(1e9 * np.ravel(pairs_of(self.ends))).astype(np.int64)
-        return labels.label_at(after_ns, ends_ns, accuracy_of(self.ends))
+        return labels.label_times(after_ns, ends_ns, accuracy_of(self.ends))
 
     def change(self, slip_s: object, by_s: float) -> None:
         """Take all labels as a page has them; new ends are exact to ``by_s``."""
-        wanted = labels.labels_from(self.file, {labels.KEY: slip_s})
+        wanted = labels.parse_labels(self.file, {labels.KEY: slip_s})
         # A label that ended later would be refused where the recording is read.
         last_s = math.floor(1e4 * self._last_s) / 1e4
         ends_s = np.minimum(wanted.edges_s.round(4), last_s).ravel().tolist()
@@ -86,7 +87,7 @@ class HandLabels:
         """Move the ends to where the power of the signal changes; return what was found."""
         before, track = self.ends, self._read()
         by_hand = np.array(pairs_of(before)), track.sample_rate_hz, labels.BY_HAND_S
-        moved_s, found, said = labels.snapped(track.samples, *by_hand)
+        moved_s, found, said = labels.snap(track.samples, *by_hand)
         moved = zip(before, moved_s.ravel().round(4).tolist(), found.flat, strict=True)
         ends = [(s, labels.BY_EYE_S) if known else old for old, s, known in moved]
         if before is not self.ends:  # A page has changed them meanwhile.
@@ -111,7 +112,7 @@ class HandLabels:
         document: dict[str, Any] = {labels.KEY: pairs_of(ends), labels.ACCURACY: accuracy_of(ends)}
         if self._kind and not ends:
             document = {labels.KIND: self._kind}
-        labels.labels_from(self.file, dict(document))
+        labels.parse_labels(self.file, dict(document))
         if ends is self._own:
             with file_errors_of(self.file, 'deleted'):
                 self.file.unlink(missing_ok=True)

@@ -36,6 +36,7 @@ from slip_detector.parameters import (
     DetectorConfig,
     allowed,
     parameter_file,
+    parsed_yaml,
     quote,
     refuse,
     shared_folder,
@@ -71,9 +72,9 @@ class ParameterRequests:
     files
         The parameter files that the detectors were started with: one for all, or one for each
         namespace, named after it.
-    overrides
-        Values with which the detectors were started in place of those of the file. They are not
-        saved: the values of the file are kept.
+    overridden
+        Parameters with which the detectors were started otherwise than the file says. They are
+        not restored from the file; those of the file are saved.
     """
 
     def __init__(
@@ -81,11 +82,10 @@ class ParameterRequests:
         server: Server,
         folder: Path,
         files: Sequence[Path] = (),
-        overrides: Mapping[str, Any] | None = None,
+        overridden: Collection[str] = (),
     ) -> None:
         self._server, self._detectors = server, server.detectors
-        self._folder, self._files = folder.resolve(), files
-        self._overrides = overrides or {}
+        self._folder, self._files, self._overridden = folder.resolve(), files, overridden
         #: By detector, a state that changes whenever its description for the pages does.
         self._states: dict[str, tuple[Any, ...]] = {}
         server.each_tick.append(self._broadcast)
@@ -112,7 +112,7 @@ class ParameterRequests:
         return {
             'headings': describe_parameters(finger),
             'file': str(self._file_of(finger.name) or ''),
-            'differs': sorted(finger.as_in_file()),
+            'differs': sorted(finger.as_in_file(self._overridden)),
             'preset': _preset_of(finger.config),
             'undo': words_of(last.after, last.before) if last else '',
             'changes': [
@@ -129,8 +129,7 @@ class ParameterRequests:
     def _read_file(self, finger: Finger) -> None:
         """Read the present content of a detector's file."""
         if file := self._file_of(finger.name):
-            config = DetectorConfig.from_yaml(file, finger.name)
-            finger.in_file = dataclasses.replace(config, **self._overrides)
+            finger.in_file = DetectorConfig.from_yaml(file, finger.name)
 
     async def answer_set(self, finger: Finger, values: Values, page: str) -> None:
         """Set values that were typed or dragged."""
@@ -146,7 +145,7 @@ class ParameterRequests:
     async def answer_as_in_file(self, finger: Finger, page: str) -> None:
         """Set what the file has."""
         self._read_file(finger)
-        await self._server.change(finger, finger.as_in_file(), page)
+        await self._server.change(finger, finger.as_in_file(self._overridden), page)
 
     async def answer_take_input(self, finger: Finger, page: str) -> None:
         """Set what makes the detector take what comes."""
@@ -163,13 +162,12 @@ class ParameterRequests:
         """
         if not fingers:
             refuse(f'fingers is {quote(fingers)}', 'a list of those that are shown')
-        configs = {each: self._detectors.finger_of(each).config for each in fingers}
         if not FILE_NAME.fullmatch(name or ''):
             refuse(f'name is {quote(name)}', ALLOWED_NAME)
-        if self._overrides:
-            (file,) = self._files
-            kept = {n: vars(DetectorConfig.from_yaml(file))[n] for n in self._overrides}
-            configs = {n: dataclasses.replace(config, **kept) for n, config in configs.items()}
+        configs = {}
+        for finger in map(self._detectors.finger_of, fingers):
+            kept = {name: getattr(finger.in_file, name) for name in self._overridden}
+            configs[finger.name] = dataclasses.replace(finger.config, **kept)
         path = writable_folder(self._folder) / f'{name}.yaml'
         if path.exists() and not replace:
             return {'taken': f'{path}: already exists'}
@@ -269,7 +267,14 @@ def text_of(value: Any) -> str:
 
 
 def read_text(name: str, text: str) -> Any:
-    """Return the value of a text that was typed; the detector decides if the value is allowed.
+    """Return the value of a text that was typed, as a parameter file would have it.
+
+    The detector decides if the value is allowed. Brackets around lists can be left out.
+
+    Raises
+    ------
+    ValueError
+        When no value is written so.
 
     Examples
     --------
@@ -278,21 +283,16 @@ def read_text(name: str, text: str) -> Any:
     >>> read_text('threshold', 'low')
     'low'
     """
-    text = text.strip()
     field = DetectorConfig.__dataclass_fields__.get(name.partition('.')[0])
     default = field.metadata['default'] if field else None
     if field and isinstance(default, (tuple, dict)):
-        items = re.sub(r'[\[\]()]', ' ', text).split(',') if text.strip('[] ') else []
-        is_text = isinstance(default, tuple) and str in get_args(field.type)
-        return [item.strip() if is_text else _scalar(item.strip()) for item in items]
-    return text if isinstance(default, str) and name != 'vote' else _scalar(text)
-
-
-def _scalar(text: str) -> Any:
-    for read in (int, float):
-        with contextlib.suppress(ValueError):
-            return read(text)
-    return {'true': True, 'false': False}.get(text, text)
+        items = re.sub(r'[\[\]()]', ' ', text).strip()
+        if isinstance(default, tuple) and str in get_args(field.type):
+            return [item.strip() for item in items.split(',')] if items else []
+        return parsed_yaml(f'[{items}]'.encode(), name)
+    text = text.strip()
+    is_text = not text or (isinstance(default, str) and name != 'vote')
+    return text if is_text else parsed_yaml(text.encode(), name)
 
 
 def launch_arguments(names: Collection[str], path: Path) -> str:
@@ -309,11 +309,11 @@ def launch_arguments(names: Collection[str], path: Path) -> str:
     >>> launch_arguments(both, Path('left.yaml'))
     'namespace:=left fingers:=thumb,index config:=left.yaml'
     """
+    parts = [name.split('/') for name in names]  # '', namespaces, the finger, the node
+    namespaces = {'/'.join(each[1:-2]) for each in parts}
     words = [f'config:={path}']
-    found = [re.fullmatch(f'(/.*|)/([^/]+)/{DetectorConfig.NODE}', name) for name in names]
-    fingers = [match.groups() for match in found if match]
-    namespaces = {namespace for namespace, _ in fingers}
-    if 1 < len(fingers) == len(names) and len(namespaces) == 1:
-        words.insert(0, f'fingers:={",".join(finger for _, finger in fingers)}')
-        words[:0] = [f'namespace:={namespace[1:]}' for namespace in namespaces if namespace]
+    usual = all(each[-2] and each[-1] == DetectorConfig.NODE for each in parts)
+    if usual and len(parts) > len(namespaces) == 1:
+        words.insert(0, f'fingers:={",".join(each[-2] for each in parts)}')
+        words[:0] = [f'namespace:={namespace}' for namespace in namespaces if namespace]
     return shlex.join(words)

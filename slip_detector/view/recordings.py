@@ -184,7 +184,8 @@ class RecordedFolder:
         """
         path = self.path_of(name)
         labels.mark_mistaken(path, mistaken)
-        self.recordings[path.name] = self._summary(path.name)
+        self._labels.pop(name, None)  # The file has others now.
+        self.recordings[name] = self._summary(name)
 
     def note_doubts(self, lines: Iterable[str]) -> None:
         """Note at recordings that a search has found nothing to change at their labels."""
@@ -225,17 +226,17 @@ class RecordedFolder:
 
     def describe(self) -> dict[str, Any]:
         """Return what a page shows of the recordings; one of another rate cannot be used."""
-        listed, held_out = list[dict[str, Any]](), list[str]()
+        listed: list[dict[str, Any]] = []
         for name, summary in self.recordings.items():
             off_rate = self.off_rate(name)
             note = '; '.join(filter(None, (summary.note, off_rate)))
             state = {'note': note, 'usable': summary.usable and not off_rate}
-            listed.append({**summary._asdict(), 'kind': summary.kind, **state})
+            listed.append({**summary._asdict(), 'kind': summary.kind, 'held_out': False, **state})
         for kind in KINDS:
-            usable = [each['name'] for each in listed if each['kind'] == kind and each['usable']]
-            held_out += hold_out(usable)[1]
-        about = {'folder': str(self.folder), 'interrupted': self.interrupted}
-        return {'recordings': listed, 'held_out': held_out, **about}
+            usable = [each for each in listed if each['kind'] == kind and each['usable']]
+            for each in hold_out(usable)[1]:
+                each['held_out'] = True
+        return {'recordings': listed, 'folder': str(self.folder), 'interrupted': self.interrupted}
 
     def _bags(self) -> set[str]:
         paths = self.folder.glob('*/*.mcap')

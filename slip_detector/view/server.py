@@ -129,7 +129,7 @@ class Server:
         self.changing: set[str] = set()
         self._worker = ThreadPoolExecutor(1, 'slow requests')
         self.on_requests(self, 'keep_rest', changes=True)
-        #: By topic the present content, for a page that is opened later.
+        #: By topic the present content.
         self.news: dict[str, str] = {}
         application = web.Application(
             [
@@ -175,8 +175,6 @@ class Server:
         text = json.dumps({'type': topic, **content}, allow_nan=False)
         if self.news.get(topic) != text:
             self.news[topic] = text
-            for page in self.pages:
-                page.news[topic] = text
 
     def listen(self, port: int) -> int:
         """Listen at the port, 0 for any that is free, and return it.
@@ -317,7 +315,8 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         self.view: ViewRequest | None = None
         #: While the page is paused, a copy of what its finger's track was then.
         self.past: LiveTrack | None = None
-        self.news: dict[str, str] = {}
+        #: By topic the content that it was sent last.
+        self._told: dict[str, str] = {}
         self._is_drawing = False
         self._pace, self._sent_s = Pace(), 0.0
         self._sending: asyncio.Future[None] | None = None
@@ -328,9 +327,8 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         self._latest: dict[str, asyncio.Task[None]] = {}
 
     def open(self, *args: str, **kwargs: str) -> None:
-        """Prepare to send the page the present content of each topic."""
+        """Add the page to those that get news."""
         self.set_nodelay(True)
-        self.news = dict(self.server.news)
         self.server.pages.add(self)
         self._stream: Any = getattr(self.ws_connection, 'stream', None)
         if self._stream in self.server.connections.strangers:
@@ -402,7 +400,9 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         content: list[str | bytes] = []
         # The page has to draw a frame before it gets the next one, and more news.
         if self.view is None or not self._is_drawing:
-            content, self.news = [*self.news.values()], {}
+            news = self.server.news
+            content = [text for topic, text in news.items() if text is not self._told.get(topic)]
+            self._told = dict(news)
             if self.view is not None:
                 self._is_drawing, self._sent_s = True, time.monotonic()
                 content.append(self.view.frame(self.server.detectors, self.past, self._pace.join))

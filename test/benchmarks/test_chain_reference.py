@@ -25,7 +25,7 @@ from benchmarks.chain import reference
 from benchmarks.chain.command import WANTED
 from benchmarks.chain.precision import RATES, errors_of, evidence_errors
 from slip_detector.chain.filters import design
-from slip_detector.parameters.detector import LOWEST_EDGE, ChainConfig
+from slip_detector.parameters.chain import LOWEST_EDGE, ChainConfig
 
 
 def gains(sections, shares):

@@ -14,11 +14,9 @@
 
 """The paper's protocol: its trials, figures, variants of the chain, claims, table and pictures."""
 
-import dataclasses
 import json
 import re
 
-import numpy as np
 import pytest
 
 from benchmarks.__main__ import main
@@ -29,18 +27,13 @@ from benchmarks.paper.protocol import (
     SCENES,
     WANTED,
     claims,
-    evaluate_plates,
     run_protocol,
     simulate_trials,
     with_band,
 )
-from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.scenes import find_scene
-
-RATE_HZ = 100.0
-CHAIN = ChainConfig(sample_rate_hz=RATE_HZ, channels=2, passband_hz=(7.0, 40.0), stopbands_hz=())
 
 
 def test_the_plates_differ_only_in_their_spatial_period():
@@ -48,13 +41,6 @@ def test_the_plates_differ_only_in_their_spatial_period():
     for plate, description in descriptions.items():
         assert description['texture'].pop('spatial_period_m') == pytest.approx(int(plate) * 1e-6)
     assert descriptions['440'] == descriptions['400'] == descriptions['480']
-
-
-def test_a_trial_that_does_not_suit_the_chain_is_refused_with_its_plate():
-    trial = Samples.evenly(np.zeros((3, 2)), RATE_HZ, [False, True, True])
-    for changes in ({'channels': 1, 'groups': {'a': (1,)}}, {'sample_rate_hz': 200.0}):
-        with pytest.raises(ValueError, match=r'^plate 400 has 2 channels at 100 Hz, '):
-            evaluate_plates({'400': [trial]}, dataclasses.replace(CHAIN, **changes))
 
 
 def test_a_high_pass_keeps_all_stop_bands_and_a_band_pass_those_below_its_upper_edge():

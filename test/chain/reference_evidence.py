@@ -108,11 +108,11 @@ def least_floors_db(config):
     return decibels(np.array(given))
 
 
-def rows_that_move(volts, ok, config):
+def rows_that_move(volts, ok, envelope, config):
     """Return in which rows a channel tells of its noise.
 
     Those are all with a good sample where floors are given, else those whose good sample is not
-    the last good one.
+    the last good one, and whose envelope is not 0.
     """
     moves = ok.copy()
     if config.noise_floor:
@@ -120,7 +120,7 @@ def rows_that_move(volts, ok, config):
     for column in range(volts.shape[1]):
         rows = np.flatnonzero(ok[:, column])
         moves[rows, column] = np.diff(volts[rows, column], prepend=volts[rows[:1], column]) != 0
-    return moves
+    return moves & (envelope > 0)
 
 
 def rows_that_settled(moves, valid, settle_rows):
@@ -132,16 +132,10 @@ def rows_that_settled(moves, valid, settle_rows):
     return settled
 
 
-def rows_with_floor(envelope, moving, config):
-    """Return where a channel has a floor: from its first row in which floors move on.
-
-    A learnt floor is there from the beginning; without given ones, a floor begins with the first
-    envelope that is not 0.
-    """
-    if config.noise_floor_learnt and config.noise_floor:
-        return np.ones(moving.shape, dtype=bool)
-    begins = moving if config.noise_floor else moving & (envelope > 0)
-    return np.cumsum(begins, axis=0) > 0
+def rows_with_floor(moving, config):
+    """Return where a channel has a floor: a learnt one always, another once it has moved."""
+    learnt = config.noise_floor_learnt and len(config.noise_floor) > 0
+    return learnt | (np.cumsum(moving, axis=0) > 0)
 
 
 def decibels(envelope):

@@ -28,7 +28,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from slip_detector import compiled
-from slip_detector.compiled import (
+from slip_detector.vectors import (
     LANES,
     absolute,
     floor,
@@ -52,7 +52,8 @@ needs_numba = pytest.mark.skipif(not compiled.COMPILED, reason='without Numba no
 OUTER = """
 import sys
 import numpy as np
-from slip_detector.compiled import LANES, compiled, load, store
+from slip_detector.compiled import compiled
+from slip_detector.vectors import LANES, load, store
 from slip_detector.inner import value
 
 @compiled
@@ -86,8 +87,9 @@ class CopiedPackage:
         self.folder, package = folder, folder / 'slip_detector'
         shutil.copytree(PACKAGE / 'parameters', package / 'parameters')
         (package / '__init__.py').touch()
-        self.compiled, self.inner = package / 'compiled.py', package / 'inner.py'
+        self.vectors, self.inner = package / 'vectors.py', package / 'inner.py'
         shutil.copy(compiled.__file__, package)
+        shutil.copy(PACKAGE / 'vectors.py', package)
         (package / 'outer.py').write_text(OUTER)
         self.inner.write_text(INNER.format(1.0))
         self.cache = package / '__pycache__'
@@ -116,13 +118,14 @@ def package(tmp_path):
 
 
 def test_a_change_in_another_file_is_compiled_into_what_calls_it(package):
-    assert package.run() == ['2.0', '0']
-    assert package.run() == ['2.0', '1']  # from the cache
+    said = 'compiling for up to a minute, only the first time\n'
+    assert package.start().communicate() == ('2.0 0\n', said)
+    assert package.start().communicate() == ('2.0 1\n', '')  # from the cache
     package.inner.write_text(INNER.format(2.0))
     assert package.run() == ['3.0', '0']
     # The vectors are not compiled by themselves, but into all that use them.
-    source = package.compiled.read_text()
-    package.compiled.write_text(source.replace("f'f{_name[-3:]}'", "'fsub'"))
+    source = package.vectors.read_text()
+    package.vectors.write_text(source.replace("f'f{_name[-3:]}'", "'fsub'"))
     assert package.run() == ['-1.0', '0']
 
 
@@ -174,15 +177,6 @@ def test_without_a_cache_that_can_be_written_it_is_compiled_in_memory_and_said(p
     shutil.rmtree(package.cache)
     package.cache.touch()
     assert package.run() == ['2.0', '0', f'{why}: each start compiles']
-
-
-def test_it_says_at_once_and_then_every_ten_seconds_that_it_compiles(monkeypatch, caplog):
-    monkeypatch.setattr(compiled, 'SAID_S', [])
-    for now_s in (100.0, 109.9, 112.0, 121.0, 122.0, 200.0):
-        monkeypatch.setattr(compiled.time, 'monotonic', lambda: now_s)  # noqa: B023
-        compiled._say_that_it_compiles('m')
-    said = ['0 s so far', '12 s so far', '22 s so far', '0 s so far']
-    assert caplog.messages == [f'compiling m, only the first time: {words}' for words in said]
 
 
 ALL_COMPILED = """

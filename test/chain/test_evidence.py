@@ -21,7 +21,8 @@ from chain.chain_cases import bits, noise, quick_evidence
 from slip_detector.chain.layout import FLOOR
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.chain.stages import LEAST_EXCESS_DB, root_decibels
-from slip_detector.compiled import compiled, load, store
+from slip_detector.compiled import compiled
+from slip_detector.vectors import load, store
 
 SIGNALS = ('envelope', 'level', 'floor', 'excess')
 KEPT = {'floor': True, 'excess': True}

@@ -34,7 +34,7 @@ from slip_detector.chain import slip_chain as chain_module
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.chain.stages import WORD_ROWS
 from slip_detector.compiled import COMPILED
-from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
+from slip_detector.parameters import COMMON_MODES, ChainConfig
 from support.interpreted import interpreted
 from support.random_chains import (
     assert_same_votes,
@@ -127,7 +127,7 @@ def test_any_chain_that_decides_by_evidence_gives_what_the_reference_gives(data)
     low, high = config.valid_range_v
     good = (volts >= low) & (volts <= high)
     settle = config.mains_rows + config.samples(config.envelope_window_s)
-    moves = reference_evidence.rows_that_move(volts, good, config)
+    moves = reference_evidence.rows_that_move(volts, good, result.envelope, config)
     settled = reference_evidence.rows_that_settled(moves, result.valid, settle)
     level_db = reference_evidence.decibels(result.envelope)
     # The low level within its round-off; contact must not be a matter of that.
@@ -143,8 +143,8 @@ def test_any_chain_that_decides_by_evidence_gives_what_the_reference_gives(data)
     bare = SlipChain(dataclasses.replace(config, activity_cap_db=0.0))
     floor = bare.update(volts, floor=True).floor
     moving = settled & moves & touches[:, None]
-    begun = reference_evidence.rows_with_floor(result.envelope, moving, config)
-    assert_floor_follows(config, floor, level_db, moving & begun)
+    begun = reference_evidence.rows_with_floor(moving, config)
+    assert_floor_follows(config, floor, level_db, moving)
     counts = settled & begun
     if config.low_band_hz:
         lifts = counts & contact[:, None]

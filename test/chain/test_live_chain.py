@@ -15,7 +15,6 @@
 """A chain whose parameters change while it runs."""
 
 import dataclasses
-import itertools
 import threading
 import time
 
@@ -32,17 +31,6 @@ from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 
 CONFIG = ChainConfig(sample_rate_hz=400.0, channels=4, stopbands_hz=[0.5, 7.0])
 KEPT = round(HISTORY_S * 400.0)
-
-
-#: Time to gather changes, instead of a tenth of a second for each example.
-SHORT_S = 0.002
-
-
-@pytest.fixture(autouse=True, scope='module')
-def _gathered_for_a_short_time():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(live_chain, 'GATHER_S', SHORT_S)
-        yield
 
 
 def noise(n, seed=0, channels=4):
@@ -122,84 +110,33 @@ def test_another_input_starts_from_its_first_row(values):
     np.testing.assert_array_equal(bed.levels(rows), wanted)
 
 
-@pytest.fixture
-def timers(monkeypatch):
-    """Return the timers that a chain starts; each goes off when the test says so."""
-    made = []
-
-    class ByHand(threading.Timer):
-        def start(self):
-            made.append(self)
-
-        def go_off(self):
-            wait_s, self.interval = self.interval, 0.0
-            super().start()
-            self.join()
-            return wait_s
-
-    monkeypatch.setattr(threading, 'Timer', ByHand)
-    return made
-
-
-def test_what_is_changed_within_a_short_time_is_built_once_after_the_last_order(
-    timers, monkeypatch
-):
-    bed, built = Bed(), []
-
-    class Counted(SlipChain):
-        def __init__(self, config):
-            built.append(config)
-            super().__init__(config)
-
-    monkeypatch.setattr(live_chain, 'SlipChain', Counted)
-    config = CONFIG
-    for values in ({'gain': 10.0}, {'threshold': 2.0}, {'passband_hz': (20.0, 100.0)}, {}):
-        config = dataclasses.replace(config, **values)  # The last is ordered once more.
-        assert not bed.chain.change(config)
-    for timer in timers[:-1]:
-        timer.go_off()
-    assert not bed.chain.swap()
-    timers[-1].go_off()
-    assert bed.chain.swap()
-    assert built == [config]
-    assert bed.chain.config == config
-
-
-def test_changes_that_never_end_are_used_all_the_same(timers, monkeypatch):
-    monkeypatch.setattr(live_chain, 'GATHER_S', 4.0)
-    monkeypatch.setattr(live_chain, 'GATHER_AT_MOST_S', 10.0)
-    bed, waits_s = Bed(), []
-    for now_s in (0.0, 3.0, 6.0, 9.0, 12.0):
-        monkeypatch.setattr(time, 'monotonic', lambda now_s=now_s: now_s)
-        bed.change(gain=10.0, threshold=1.0 + now_s)
-        waits_s.append(timers[-1].interval)
-    timers[-1].go_off()
-    # From the first order on it is never longer than at most.
-    assert waits_s == [4.0, 4.0, 4.0, 1.0, 0.0]
-    assert bed.chain.swap()
-
-
 @pytest.mark.parametrize('back', [False, True])
-def test_what_is_built_is_used_though_changes_go_on_unless_it_is_taken_back(
-    timers, monkeypatch, back
+def test_of_orders_while_a_chain_is_built_the_last_is_next_unless_all_is_taken_back(
+    monkeypatch, back
 ):
-    bed, gains = Bed(), itertools.count(1)
-
-    def change():
-        return bed.change(gain=CONFIG.gain if back else next(gains))
+    bed, built, begun, go_on = Bed(), [], threading.Event(), threading.Event()
+    threads = threading.active_count()
 
     class Slow(SlipChain):
         def __init__(self, config):
-            change()
+            if threading.current_thread() is not threading.main_thread():
+                begun.set()
+                go_on.wait(60.0)
+                built.append(config.gain)
             super().__init__(config)
 
-    bed.change(gain=next(gains))
     monkeypatch.setattr(live_chain, 'SlipChain', Slow)
-    for gain in [CONFIG.gain] if back else [1, 3, 5]:
-        timers[-1].go_off()
-        change()
-        assert bed.chain.swap()
-        assert bed.chain.config.gain == gain
+    assert not bed.change(gain=1.0)
+    assert begun.wait(60.0)
+    for gain in (2.0, 3.0):
+        assert not bed.change(gain=gain)
+    if back:
+        assert bed.change(threshold=0.1)
+    go_on.set()
+    assert bed.wait_until(lambda: threading.active_count() == threads)
+    assert bed.chain.swap()
+    assert bed.chain.config.gain == (CONFIG.gain if back else 3.0)
+    assert built == ([1.0] if back else [1.0, 3.0])
     assert not bed.chain.swap()
 
 
@@ -228,19 +165,6 @@ def test_rows_come_in_one_thread_while_another_changes_the_configuration():
     # As if the configuration of the end had always been there.
     wanted = SlipChain(bed.chain.config).update(np.concatenate([rows, rows])).level[-100:]
     np.testing.assert_allclose(bed.levels(rows)[-100:], wanted, rtol=1e-4)
-
-
-def test_taking_a_change_back_before_it_was_built_leaves_all_as_it_was():
-    rows = noise(300)
-    bed = Bed()
-    bed.levels(rows[:200])
-    bed.change(gain=10.0)
-    assert bed.change(gain=CONFIG.gain)
-    assert bed.chain.swap()
-    assert not bed.swapped(50 * SHORT_S)
-    np.testing.assert_array_equal(
-        bed.levels(rows[200:]), SlipChain(CONFIG).update(rows).level[200:]
-    )
 
 
 EVIDENCE = dataclasses.replace(

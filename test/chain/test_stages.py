@@ -20,7 +20,7 @@ from chain.chain_cases import noise
 
 from slip_detector.chain.filters import design, largest_pole_radius
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
+from slip_detector.parameters import COMMON_MODES, ChainConfig
 
 # --- baselines and huge values -------------------------------------------------------------
 

@@ -25,7 +25,7 @@ from hypothesis import strategies as st
 
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.chain.votes import NO_VOTE, find_statistics, vote_numbers
-from slip_detector.compiled import LANES
+from slip_detector.vectors import LANES
 from support.random_chains import configs, recordings
 
 VOTES = ('all', 'mean', 1, 2, 3, 4)

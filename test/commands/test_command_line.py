@@ -16,7 +16,6 @@
 
 import argparse
 import os
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -65,18 +64,6 @@ def test_a_reader_that_leaves_early_is_no_error_and_a_full_disk_is_one():
         )  # fmt: skip
         os.close(output)
         assert (done.returncode, done.stderr) == wanted
-
-
-def test_an_interrupt_while_it_prints_is_one_line_and_its_exit_code():
-    code = 'import sys; from slip_detector.commands import command_line as c, tune; '
-    code += 'tune.main = lambda: c.run("slip_tune", lambda: "x" * 9_999_999); sys.exit(c.tune())'
-    with subprocess.Popen(
-        [sys.executable, '-c', code], stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    ) as process:
-        process.stdout.read(1)
-        process.send_signal(signal.SIGTERM)
-        assert process.communicate(timeout=60)[1] == b'slip_tune: ended before it was done\n'
-        assert process.returncode == 130
 
 
 @pytest.mark.parametrize('text', ['٣', '³', '1_0', '+3', '-1', '', '9' * 5000])

@@ -76,7 +76,7 @@ def test_options_replace_parameters_of_recordings(tmp_path, monkeypatch):
         parser = argparse.ArgumentParser()
         workers.add_options(parser, 'work')
         options = parser.parse_args(['--config', 'c.yaml', *words])
-        return workers.with_options(options, RecordingLoader()).recording_config
+        return workers.apply_options(options, RecordingLoader()).recording_config
 
     assert recording_config() == given
     words = ['--topic', '/biotac', '--field', 'pac', '--labels', 'l.yaml', '--resample']

@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
 from slip_detector.evaluation.events import recall_by_chance, saved_by_chance_s, sooner_than_chance
-from slip_detector.evaluation.matching import NONE, OnIntervals, RowInterval, ScoredRows
+from slip_detector.evaluation.matching import OnIntervals, RowInterval, ScoredRows
 from slip_detector.parameters.evaluation import EvaluationConfig
 
 # Intervals.
@@ -82,20 +82,20 @@ def test_alarms_slips_and_rest_are_those_of_an_independent_scorer(drawn):
     stretches, truth, on, settling, config = drawn
     parts = [Stretch(on[a:b], truth[a:b], settling, config, 100.0) for a, b in stretches]
     rows = ScoredRows(intervals(truth, stretches), stretches, settling, config, 100.0)
-    matched = rows.match_decision(intervals(on, stretches))
-    rises = [alarm.start for alarm in matched.alarms]
+    alarms, alarm_of, events = rows.match_decision(intervals(on, stretches))
+    rises = [round(alarm.start_s * 100.0) for alarm in alarms]
     begun = zip(stretches, parts, strict=True)
     assert rises == [start + row for (start, _), part in begun for row in part.alarms]
-    assert all(on[end - 1] for _, end in matched.alarms)
-    assert matched.outcomes == [kind for part in parts for kind in part.kinds]
+    assert all(on[round(alarm.end_s * 100.0) - 1] for alarm in alarms)
+    assert [alarm.outcome for alarm in alarms] == [kind for part in parts for kind in part.kinds]
     starts = [start for start, _ in intervals(truth, stretches)]
     latencies = [
-        None if alarm == NONE else (rises[alarm] - start) / 100.0
-        for alarm, start, scored in zip(matched.alarm_of, starts, rows.scored, strict=True)
-        if scored
+        (rises[alarm_of[slip]] - start) / 100.0 if slip in alarm_of else None
+        for slip, start in enumerate(starts)
+        if rows.scored[slip]
     ]
     assert latencies == [one for part in parts for one in part.latencies_s]
-    rest_s, on_s, _ = matched.events.rest[:, 0]
+    rest_s, on_s, _ = events.rest[:, 0]
     assert rest_s == pytest.approx(sum(part.rest_s for part in parts))
     assert on_s == pytest.approx(sum(part.on_rest_s for part in parts))
     # One to one, and no other matching has more pairs.
@@ -137,15 +137,14 @@ def test_alarms_shifted_to_every_time_are_on_average_no_better_than_chance(drawn
         # In the first turn the chain settles; in the second each alarm of a turn begins once.
         turns = np.tile(np.roll(on, shift), 2)
         rows = ScoredRows([slip], [RowInterval(0, 2 * n)], n, config, RATE_HZ)
-        matched = rows.match_decision(intervals(turns, [(0, 2 * n)]))
-        latencies_s += matched.events.latencies_ms[:, 0].tolist()
-        alarms.add(len(matched.alarms) - matched.outcomes.count('settling'))
+        found, _, events = rows.match_decision(intervals(turns, [(0, 2 * n)]))
+        latencies_s += events.latencies_ms[:, 0].tolist()
+        alarms.add(sum(alarm.outcome != 'settling' for alarm in found))
     (in_a_turn,) = alarms
     rate_hz = in_a_turn / n * RATE_HZ
     leads_s, windows_s = np.resize(rows.leads_s, n), np.resize(rows.windows_s, n)
     latencies_s = np.array(latencies_s) / 1e3
-    found = np.isfinite(latencies_s).mean()
-    assert found <= recall_by_chance(windows_s, rate_hz) + 1e-9
+    assert np.isfinite(latencies_s).mean() <= recall_by_chance(windows_s, rate_hz) + 1e-9
     assert sooner_than_chance(latencies_s, leads_s, windows_s, rate_hz) <= 1e-9
     late_s = np.clip(np.fmin(latencies_s, most_s), 0.0, most_s)
     saved_s = saved_by_chance_s(rows.leads_s, rows.windows_s, rate_hz, most_s)

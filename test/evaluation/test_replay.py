@@ -28,15 +28,10 @@ from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.compiled import COMPILED
 from slip_detector.evaluation.events import LASTING, NO_EVENTS
-from slip_detector.evaluation.figures import (
-    ALREADY_ON,
-    STAGES,
-    TrueSlip,
-    figures_of_merit,
-)
+from slip_detector.evaluation.figures import ALREADY_ON, STAGES, TrueSlip, figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.recordings.labels import label_at
+from slip_detector.recordings.labels import label_times
 from support.replay_cases import CONFIG, RATE_HZ, ridges
 
 
@@ -56,7 +51,7 @@ def test_labels_that_are_off_within_their_accuracy_change_no_figure(late, accura
     volts, _ = ridges((800, 1400))
     edges_ns = np.rint((np.array([800, 1400]) + late) * 1e9 / RATE_HZ).astype(np.int64)
     stamps_ns = Samples.evenly(volts, RATE_HZ, np.zeros(2000)).stamps_ns
-    label = label_at(stamps_ns, edges_ns, accuracy_s)
+    label = label_times(stamps_ns, edges_ns, accuracy_s)
     rows = Samples(volts, stamps_ns, **label, accuracy_s=accuracy_s)
     pieces = [rows.take(slice(900)), rows.take(slice(900, None))]
     figures = figures_of_merit([Replay(CONFIG).run(pieces)])

@@ -19,7 +19,7 @@ In none of them may ``slip_valid`` be true, with ``slip`` ON or OFF, for longer 
 clock is set, where parameters change and where the detector is held up:
 ``test_detector_silence.py``. Dead channels are in ``test_health.py``, faults of a
 sensor in ``test_driver_live.py``, of messages in ``test_detector.py``, of two senders in
-``test_senders.py``, of the grasp controller in ``test_grasp_controller.py``, of parameters in
+``test_inputs.py``, of the grasp controller in ``test_grasp_controller.py``, of parameters in
 ``test_detector_parameters.py``, of files in ``test/parameters`` and ``test/recordings``, of the
 launch files in ``test/launch``, of the live page in ``test/view``.
 """
@@ -29,9 +29,11 @@ import time
 
 import pytest
 from nodes.slipping_sensor import PERIOD_S, Sensor
+from rclpy.event_handler import SubscriptionEventCallbacks
 from std_msgs.msg import Bool
 
-from slip_detector.nodes.messages import state_qos
+from slip_detector.nodes.messages import heartbeat_qos, state_qos
+from support.harness import Detected
 
 
 def test_sensor_silent_where_nobody_publishes_the_clock(bench):
@@ -58,7 +60,7 @@ def test_detector_killed_or_ended_and_started_again(bench, numbers):
     else:
         assert sensor.process.wait() == 0
         bench.wait_for(lambda: not any(states[-1].data for states in heard), 'the withdrawal')
-    # The state that was kept for late subscribers died with it (see also test_detector_health).
+    # The state that was kept for late subscribers died with it (see the last test).
     late = bench.listen(Bool, 'slip', state_qos())
     sensor.start()
     bench.wait_for(sensor.fell, 'slip_valid and slip to be false')
@@ -92,3 +94,39 @@ def test_disk_full_where_the_log_goes(bench):
         sensor.play(sensor.says_slip, 'slip')
         sensor.fell_in_time()
         sensor.play(sensor.says_slip, 'slip again')
+
+
+@pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGSTOP])
+def test_a_subscriber_is_told_within_the_deadline_when_the_detector_is_killed_or_hangs(
+    bench, number
+):
+    told, slip = {'deadline': [], 'liveliness': []}, []
+
+    def note(kind):
+        return lambda event: told[kind].append((time.monotonic(), event))
+
+    bench.node.create_subscription(
+        Bool,
+        'slip',
+        lambda message: slip.append(time.monotonic()),
+        heartbeat_qos(0.2),
+        event_callbacks=SubscriptionEventCallbacks(
+            deadline=note('deadline'), liveliness=note('liveliness')
+        ),
+    )
+    detected = Detected(bench)
+    bench.wait_for(lambda: len(slip) > 5, 'the heartbeat')
+    detected.process.signal(number)
+    # After the last message: a busy machine is late before.
+    bench.wait_for(lambda: any(s > slip[-1] for s, _ in told['deadline']), 'the missed deadline')
+    bench.wait_for(
+        lambda: any(s > slip[-1] and event.alive_count == 0 for s, event in told['liveliness']),
+        'nobody to be alive',
+    )
+    # Some tenths of a second for a busy machine; one that was forgotten takes some ten seconds.
+    assert told['liveliness'][-1][0] - slip[-1] < 0.5
+    if number == signal.SIGSTOP:
+        known = len(slip)
+        detected.process.signal(signal.SIGCONT)
+        bench.wait_for(lambda: len(slip) > known, 'the heartbeat')
+        bench.wait_for(lambda: told['liveliness'][-1][1].alive_count == 1, 'a sign of life')

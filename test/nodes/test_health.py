@@ -75,7 +75,12 @@ def test_all_is_well():
         health.feed(good(380), 380 * second)
         statuses = health.sum_up()
     assert levels(statuses) == [OK] * 4
-    said = 'samples come', '380.0 samples a second', 'all 16 channels are valid', 'slip is ON'
+    said = (
+        '380 samples since the last report',
+        '380.0 samples a second',
+        'all 16 channels are valid',
+        'slip is ON',
+    )
     assert tuple(status.message for status in statuses) == said
     of_input, timing, channels, decisions = map(values, statuses)
     assert of_input['samples'] == '760'
@@ -168,7 +173,9 @@ def test_that_nothing_has_been_heard_is_no_error_at_first():
     health.outputs.valid = False
     assert levels(health.sum_up()) == [WARN, OK, WARN, WARN]
     health._begun_s -= 3.0
-    assert levels(health.sum_up()) == [ERROR, OK, ERROR, ERROR]
+    statuses = health.sum_up()
+    assert levels(statuses) == [ERROR, OK, ERROR, ERROR]
+    assert statuses[1].message == 'no samples'
     # Of samples that are dropped it is not said that none come.
     health.totals['dropped, wrong names'] += 2
     words = '2 samples dropped: other channel names than before or configured'

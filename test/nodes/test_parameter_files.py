@@ -21,7 +21,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.node import Node
 
-from slip_detector.nodes.rclpy_internals import given_parameters
+from slip_detector.nodes.rclpy_internals import read_given_parameters
 from slip_detector.parameters import DetectorConfig, DriverConfig
 from slip_detector.parameters.sections import parameters_for
 from slip_detector.parameters.yaml_files import write_yaml
@@ -32,7 +32,7 @@ def read_by_ros(path, name):
     context = rclpy.Context()
     rclpy.init(args=['--ros-args', '--params-file', str(path)], context=context)
     node = Node(name, context=context, start_parameter_services=False, enable_rosout=False)
-    values = {each.name: each.value for each in given_parameters(node)}
+    values = {each.name: each.value for each in read_given_parameters(node)}
     rclpy.shutdown(context=context)
     return values
 

@@ -202,3 +202,23 @@ def test_a_transport_is_refused_beside_a_profile_that_may_give_another(monkeypat
     assert transport_environment('') == {}
     with pytest.raises(ValueError, match="transport is 'udp', allowed: none beside FAST"):
         transport_environment('udp')
+
+
+SIGNALLED = """
+import signal, time
+from slip_detector.nodes.ending import END_SIGNAL, end_on_signals, init_ros
+
+end_on_signals()
+{begin}
+for number in (signal.SIGINT, signal.SIGTERM, signal.SIGINT):
+    signal.raise_signal(number)
+END_SIGNAL.wait()
+print('is to end', flush=True)
+time.sleep(3600)
+"""
+
+
+@pytest.mark.parametrize(('begin', 'said'), [('', ''), ('init_ros()', 'is to end\n')])
+def test_a_process_ends_at_once_or_is_asked_to_and_ends_soon_whatever_it_does(begin, said):
+    done = run_python('-c', SIGNALLED.format(begin=begin), timeout=60.0)
+    assert (done.returncode, done.stdout, done.stderr) == (0, said, '')

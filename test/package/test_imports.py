@@ -35,7 +35,8 @@ CORE = tuple(
     )
 )
 NODES = tuple(
-    f'slip_detector.nodes.{name}' for name in ('detector', 'driver', 'grasp_controller', 'run')
+    f'slip_detector.nodes.{name}'
+    for name in ('detector', 'driver', 'grasp_controller', 'spinning')
 )
 
 ROS = {'rclpy', 'std_msgs', 'sensor_msgs', 'rcl_interfaces', 'builtin_interfaces'}

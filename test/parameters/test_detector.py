@@ -21,14 +21,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.parameters.detector import (
+from slip_detector.parameters.chain import (
     LONGEST_COMB_S,
     LOWEST_EDGE,
     PAPER_GROUPS,
     WHOLE_PERIODS,
     ChainConfig,
-    DetectorConfig,
 )
+from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import shared_folder
 from slip_detector.parameters.sections import parameters_for
 from support.config_cases import message_of

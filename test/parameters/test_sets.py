@@ -12,10 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sets of parameters: names, copies, YAML, and changes in use, one by one and whole files."""
+"""Sets of parameters: names, copies, YAML, and changes in use."""
 
 import dataclasses
-import random
 import re
 
 import pytest
@@ -25,8 +24,6 @@ from hypothesis import strategies as st
 
 from slip_detector.parameters import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import parameter
-from slip_detector.parameters.files import shared_folder
-from slip_detector.parameters.sections import parameters_for
 from slip_detector.parameters.sets import ParameterSet
 from slip_detector.parameters.yaml_files import write_yaml
 from support.config_cases import SETS, message_of
@@ -105,15 +102,6 @@ def test_sets_of_users_are_read_beside_those_of_the_package(tmp_path):
 
 # --- changes in use --------------------------------------------------------------------------
 
-FILES = {path.stem: path for path in sorted((shared_folder() / 'config').glob('*.yaml'))}
-
-ORDERS = {
-    'as written': list,
-    'in reverse': lambda values: [*reversed(values)],
-    'as dumped': sorted,
-    'shuffled': lambda values: random.Random(len(values)).sample(values, len(values)),
-}
-
 
 def test_only_groups_can_be_deleted():
     said = 'parameter threshold cannot be deleted, allowed: groups.<name>'
@@ -128,16 +116,3 @@ def test_any_configuration_becomes_any_other_by_the_values_that_differ(
         kept = {name: getattr(config, name) for name in ('channels', 'disabled_channels')}
         other = ChainConfig(**{**vars(other), **kept, 'vote': 'all', 'groups': config.groups})
     assert config.with_values(config.changes_to(other)) == other
-
-
-@pytest.mark.parametrize('order', ORDERS)
-@pytest.mark.parametrize('new', FILES)
-@pytest.mark.parametrize('old', FILES)
-def test_each_file_is_loaded_onto_each_other_in_any_order(old, new, order):
-    config = DetectorConfig.from_yaml(FILES[old])
-    values = ORDERS[order]([*parameters_for(FILES[new], 'slip_detector').values.items()])
-    loaded = DetectorConfig.from_yaml(FILES[new])
-    now = config.with_values(dict(values))
-    assert {name: getattr(now, name.split('.')[0]) for name, _ in values} == {
-        name: getattr(loaded, name.split('.')[0]) for name, _ in values
-    }

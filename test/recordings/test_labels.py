@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import open_recording
-from slip_detector.recordings.labels import BY_EYE_S, find_labels, snapped
+from slip_detector.recordings.labels import BY_EYE_S, find_labels, snap
 from slip_detector.recordings.writing import BagWriter
 from support.config_cases import message_of
 
@@ -111,13 +111,13 @@ PAIRS = ', allowed: slip_s: [[start, end], ...] in seconds, or kind'
             'slip_s: []\nunit: ms',
             ': has the key unit, allowed: slip_s, accuracy_s, kind, mistaken',
         ),
-        ('slip_s: 3', f': slip_s is 3{PAIRS}'),
         ('mistaken: 1', ': mistaken is 1, allowed: true, false'),
-        ('kind: pressed', ": kind is 'pressed', allowed: rest, taps, press, roll, idle"),
-        ('kind: [press]\nslip_s: []', ": kind is ['press'], allowed: rest, taps"),
+        (
+            'kind: [press]\nslip_s: []',
+            ": kind is ['press'], allowed: rest, taps, press, roll",
+        ),
         ('kind: press\nslip_s: [[1, 2]]', ': has slips, allowed: none in a recording of the kind'),
         ('slip_s:\n- [1, two]', f": slip_s is [[1, 'two']]{PAIRS}"),
-        ('slip_s:\n- {start: 1, end: 2}', ": slip_s is [{'start': 1, 'end': 2}], allowed"),
         ('slip_s:\n- [1, [2]]', f': slip_s is [[1, [2]]]{PAIRS}'),
         ('{}', f': has no slip_s{PAIRS}'),
         ('slip_s:\n- [1, 1:40]', ': line 2: 1:40 is not what it looks like'),
@@ -159,7 +159,7 @@ def test_an_end_that_is_found_is_exact_and_all_that_are_loud_are_found(
         volts[begin:end] *= 10.0 ** (rises_db / 20.0)
     samples = Samples.evenly(4.3 + 1e-3 * volts, 380.0, np.zeros(len(volts)))
     by_hand_s = edges / 380.0 + late_s
-    near_s, found, _ = snapped(samples, by_hand_s, 380.0, 0.35)
+    near_s, found, _ = snap(samples, by_hand_s, 380.0, 0.35)
     off_s = np.abs(near_s - edges / 380.0)
     assert off_s[found].max(initial=0.0) <= BY_EYE_S
     np.testing.assert_array_equal(near_s[~found], by_hand_s[~found])
@@ -176,10 +176,10 @@ def test_where_no_power_changes_no_end_is_found(edges, channels, seed):
     volts = noise(2000, channels, seed)
     samples = Samples.evenly(volts, 380.0, np.zeros(2000))
     edges_s = np.reshape(sorted(edges)[: len(edges) // 2 * 2], (-1, 2)) / 380.0
-    near_s, found, _ = snapped(samples, edges_s, 380.0, 0.35)
+    near_s, found, _ = snap(samples, edges_s, 380.0, 0.35)
     assert not found.any()
     np.testing.assert_array_equal(near_s, edges_s)
-    assert not snapped(samples.take(slice(6)), edges_s, 380.0, 1.0)[1].any()
+    assert not snap(samples.take(slice(6)), edges_s, 380.0, 1.0)[1].any()
 
 
 def test_a_change_beyond_the_reach_or_of_the_wrong_sign_is_not_taken_for_an_end():
@@ -189,4 +189,4 @@ def test_a_change_beyond_the_reach_or_of_the_wrong_sign_is_not_taken_for_an_end(
     # The power rises 0.9 s before one end and near the other, which should fall.
     edges_s = np.array([[1500 / 380.0 + 0.9, 7.0], [7.2, 7.8]])
     for its_s in (edges_s[:1], edges_s, np.array([[2.0, 1500 / 380.0 + 0.1]])):
-        assert not snapped(samples, its_s, 380.0, 0.35)[1].any()
+        assert not snap(samples, its_s, 380.0, 0.35)[1].any()

@@ -112,7 +112,7 @@ def test_messages_are_written_as_rclpy_serialises_them(frame_id, names, efforts,
 
 @pytest.mark.parametrize('position', [[1.0], [1.0, 2.0, 3.0], np.ones(2, np.float32)])
 def test_numbers_that_do_not_fill_a_message_are_an_error(position):
-    with pytest.raises(ValueError, match='assignment'):
+    with pytest.raises(ValueError, match='bytes of positions, allowed: 16'):
         JointStateWriter('tip', ['a', 'b']).serialize(5, np.asarray(position))
 
 

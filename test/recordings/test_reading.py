@@ -25,9 +25,9 @@ from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import (
     array_recordings,
     bag_recording,
+    group_recordings,
     is_recording,
     open_recording,
-    recording_sets,
     write_recording,
 )
 from support.config_cases import message_of
@@ -85,17 +85,17 @@ def test_the_recordings_of_a_folder_and_of_the_folders_in_it_are_sets(tmp_path):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
     x, y, z = (tmp_path / name for name in 'xyz')
-    assert recording_sets([z]) == {'z': [z / 'w'], 'x': [z / 'x' / 'd.npz']}
+    assert group_recordings([z]) == {'z': [z / 'w'], 'x': [z / 'x' / 'd.npz']}
     # Numbers count by their value, and what is given twice is there once.
     given_files = [x / 'b10.npz', y / 'c.npz', x / 'b9.csv', y / '..' / 'x' / 'b10.npz', y]
     sets = {
-        name: [file.name for file in some] for name, some in recording_sets(given_files).items()
+        name: [file.name for file in some] for name, some in group_recordings(given_files).items()
     }
     assert sets == {'x': ['b9.csv', 'b10.npz'], 'y': ['c.npz']}
     # Two folders of one name are told apart.
-    assert list(recording_sets([x, y, z / 'x'])) == [str(x), 'y', str(z / 'x')]
+    assert list(group_recordings([x, y, z / 'x'])) == [str(x), 'y', str(z / 'x')]
     said = 'cannot be read (No such file or directory)'
-    assert message_of(recording_sets, [x, z / 'no.npz']) == f'{z / "no.npz"}: {said}'
+    assert message_of(group_recordings, [x, z / 'no.npz']) == f'{z / "no.npz"}: {said}'
 
 
 @pytest.mark.parametrize('ending', ['.mcap', '.csv'])

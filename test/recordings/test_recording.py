@@ -25,7 +25,7 @@ from slip_detector.chain.samples import Samples
 from slip_detector.chain.stamps import StampGrid
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import Recording, open_recording
-from slip_detector.recordings.rates import checked_rate, rate_of, resampled
+from slip_detector.recordings.rates import measure_rate, require_rate, resample
 from slip_detector.recordings.recording import RecordingCounts
 from support.config_cases import message_of
 from support.recorded import RATE_HZ, save_rows, stretches_of
@@ -108,7 +108,7 @@ RATES_HZ = st.floats(0.1, 1e4)
 
 
 def rate(times_s):
-    return rate_of(np.rint(1e9 * np.asarray(times_s)).astype(np.int64), 'the stamps')
+    return measure_rate(np.rint(1e9 * np.asarray(times_s)).astype(np.int64), 'the stamps')
 
 
 @given(RATES_HZ, st.integers(0, 99), st.floats(0.0, 0.3))
@@ -150,10 +150,10 @@ def test_without_two_stamps_that_rise_there_is_no_rate(times_s):
 
 def test_a_rate_is_one_that_a_chain_can_have():
     for rate_hz in (1.0, 380.0, 1e6):
-        assert checked_rate(rate_hz) == rate_hz
+        assert require_rate(rate_hz) == rate_hz
     for rate_hz in (5e-324, 1e-300, 0.999, 1.001e6, 3.8e8, 1e300, np.inf, np.nan, -380.0, 0.0):
         with pytest.raises(ValueError, match=r'^has .* Hz, allowed: 1 to 1e\+06 Hz$'):
-            checked_rate(rate_hz)
+            require_rate(rate_hz)
 
 
 @pytest.mark.parametrize(('from_hz', 'to_hz'), [(1000.0, 380.0), (380.0, 1000.0), (400.0, 390.0)])
@@ -162,7 +162,7 @@ def test_the_passband_is_flat_and_the_stopband_far_down(from_hz, to_hz):
     n = int(4 * from_hz)
     tones_hz = np.array([0.1, 0.4, 0.6, 0.95, 0.97, 1.0]) * half_hz
     volts = np.sin(2 * np.pi * np.outer(np.arange(n) / from_hz, tones_hz))
-    out = resampled(Samples(volts, np.arange(n)), from_hz, to_hz).volts
+    out = resample(Samples(volts, np.arange(n)), from_hz, to_hz).volts
     at_s = np.arange(len(out)) / to_hz
     inner = (at_s > 1) & (at_s < 3)
     wanted = np.sin(2 * np.pi * np.outer(at_s, tones_hz))
@@ -173,7 +173,7 @@ def test_the_passband_is_flat_and_the_stopband_far_down(from_hz, to_hz):
 def test_a_baseline_stays_to_the_bit_and_a_bad_value_stays_where_it_was():
     volts = np.full((2000, 2), 4.3)
     volts[1000, 1] = np.inf
-    read = resampled(Samples(volts, np.arange(2000) * 1_000_000), 1000.0, 380.0).volts
+    read = resample(Samples(volts, np.arange(2000) * 1_000_000), 1000.0, 380.0).volts
     bad = ~np.isfinite(read)
     assert not bad[:, 0].any()
     assert np.flatnonzero(bad[:, 1]).tolist() in ([], [380])

@@ -19,7 +19,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slip_detector.parameters.detector import PAPER_CHANNELS, PAPER_GROUPS
+from slip_detector.parameters import PAPER_CHANNELS, PAPER_GROUPS
 from slip_detector.scenes.electronics import (
     CONTACT_N,
     SENSOR_PITCH_M,

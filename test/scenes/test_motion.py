@@ -75,6 +75,13 @@ def integrated_n(motion, corners_s, commands_n, at_s):
     return out
 
 
+def check_force(force, motion, corners_s, commands_n, at_s):
+    """Compare the force with the solution of the equation."""
+    wanted_n = np.maximum(integrated_n(motion, corners_s, commands_n, at_s), 0.0)
+    # Nearest to a damping ratio of 1 the closed form loses digits: 5 N / 1e-6 times 1e-16.
+    np.testing.assert_allclose(np.maximum(force_at(at_s, force), 0.0), wanted_n, atol=2e-5)
+
+
 # The normal force.
 
 
@@ -83,10 +90,7 @@ def integrated_n(motion, corners_s, commands_n, at_s):
 def test_the_force_follows_the_command_as_a_damped_mass_does(motion, steps):
     corners_s, commands_n = commanded_n(steps)
     at_s = np.linspace(0.0, corners_s[-1] + 0.2, 50)
-    wanted_n = np.maximum(integrated_n(motion, corners_s, commands_n, at_s), 0.0)
-    # Nearest to a damping ratio of 1 the closed form loses digits: 5 N / 1e-6 times 1e-16.
-    found_n = np.maximum(force_at(at_s, force_numbers(motion, steps)), 0.0)
-    np.testing.assert_allclose(found_n, wanted_n, atol=2e-5)
+    check_force(force_numbers(motion, steps), motion, corners_s, commands_n, at_s)
 
 
 # A grip from outside.
@@ -106,9 +110,7 @@ def test_any_number_of_grips_gives_what_the_damped_mass_does(motion, holds):
         last_n = grip_n
     # What it was before the last but one grip need not be known any more.
     at_s = np.linspace(time_s, time_s + 1.0, 50)
-    wanted_n = np.maximum(integrated_n(motion, corners_s, commands_n, at_s), 0.0)
-    found_n = np.maximum(force_at(at_s, force), 0.0)
-    np.testing.assert_allclose(found_n, wanted_n, atol=2e-5)
+    check_force(force, motion, corners_s, commands_n, at_s)
 
 
 # The platform.

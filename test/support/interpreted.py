@@ -23,7 +23,7 @@ import slip_detector.chain
 import slip_detector.scenes
 
 #: What is imported once more.
-ROOMS = ('chain', 'compiled', 'scenes')
+ROOMS = ('chain', 'compiled', 'scenes', 'vectors')
 
 
 @cache

@@ -20,8 +20,9 @@ import numpy as np
 from hypothesis import strategies as st
 
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.compiled import COMPILED, LANES
-from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
+from slip_detector.compiled import COMPILED
+from slip_detector.parameters import COMMON_MODES, ChainConfig
+from slip_detector.vectors import LANES
 
 MOST_ROWS = 200 if COMPILED else 120
 

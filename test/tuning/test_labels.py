@@ -24,7 +24,7 @@ from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.yaml_files import read_yaml
-from slip_detector.recordings.labels import label_at
+from slip_detector.recordings.labels import label_times
 from slip_detector.scenes import Scene, find_scene
 from slip_detector.tuning.labels import contradictions, snap_labels
 from slip_detector.tuning.tracks import track_of
@@ -37,7 +37,7 @@ def slid(name, late_s, accuracy_s=0.35, changes=True):
     at_ns = Samples.evenly(volts, RATE_HZ, volts[:, 0]).stamps_ns
     volts[(at_ns >= 2_000_000_000) & (at_ns < 4_000_000_000)] *= 6.0 if changes else 1.0
     edges_ns = np.rint(1e9 * (np.array([2.0, 4.0]) + late_s)).astype(np.int64)
-    label = label_at(at_ns, edges_ns, accuracy_s)
+    label = label_times(at_ns, edges_ns, accuracy_s)
     return track_of(name, [Samples(volts, at_ns, **label, accuracy_s=accuracy_s)], RATE_HZ)
 
 

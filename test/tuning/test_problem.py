@@ -23,11 +23,11 @@ import pytest
 
 from slip_detector.chain.filters import settling_rows
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
-from slip_detector.recordings.labels import label_at
+from slip_detector.recordings.labels import label_times
 from slip_detector.tuning.problem import COMPARED, Candidate, Problem, worse_figures
 from slip_detector.tuning.search import Trial
 from slip_detector.tuning.space import SearchSpace
-from slip_detector.tuning.sweep import thresholds, vote_statistics
+from slip_detector.tuning.sweep import vote_statistics
 from slip_detector.tuning.tracks import track_of
 from slip_detector.tuning.verdict import choose, judge
 from support.tuning_cases import CHAIN, RATE_HZ, problem, slips, study_of, track, track_with
@@ -110,7 +110,7 @@ class Known(Problem):
     def evaluate(self, chain):
         return self.costs[chain is QUICK]
 
-    def left_out(self, chain):
+    def cross_validate(self, chain):
         of_each = np.array(self.costs[round(chain.threshold)])
         return of_each.mean(), (of_each.sum() - of_each) / (of_each.size - 1)
 
@@ -183,8 +183,8 @@ def test_a_threshold_next_to_no_evidence_is_not_taken():
     objective = Problem(tracks)
     found = objective.best(chain)
     assert found.figures['sooner_than_chance'] > 0.9
-    (parts,) = vote_statistics(chain, [found.chain.vote], tracks).values()
-    assert found.chain.threshold >= thresholds(chain, parts)[3]
+    (statistics,) = vote_statistics(chain, [found.chain.vote], tracks)
+    assert found.chain.threshold >= statistics.thresholds()[3]
     # Three steps of 3 %, or 0.257 dB, for as long as a window.
     assert found.chain.threshold > 3 * 0.25 * chain.envelope_window_s
 
@@ -194,7 +194,7 @@ def test_the_threshold_for_a_recording_comes_from_the_others():
         """Return the costs where the first recording is louder than the others."""
         volts, truth = slips(1)
         tracks = [track_with(4.3 + gain * (volts - 4.3), truth), track(2), track(3), track(4)]
-        return Problem(tracks).left_out(CHAIN)
+        return Problem(tracks).cross_validate(CHAIN)
 
     cost_ms, _ = left_out(1.0)
     # Louder noise costs time ON where the threshold is not its own; without it nothing changes.
@@ -243,7 +243,7 @@ def test_another_problem_has_another_name():
     asked = problem([track(1)])
     others = [
         problem([track(2)]),
-        dataclasses.replace(asked, given=dataclasses.replace(CHAIN, threshold=0.06)),
+        dataclasses.replace(asked, origin=dataclasses.replace(CHAIN, threshold=0.06)),
         dataclasses.replace(asked, figures=None),
         dataclasses.replace(asked, evaluation=EvaluationConfig(tail_s=0.2)),
         dataclasses.replace(asked, config=TuneConfig(auc_costs_ms=0.0)),
@@ -262,7 +262,7 @@ def test_slips_are_counted_that_begin_when_both_chains_have_settled():
 def test_a_chain_that_remembers_for_longer_costs_more_where_labels_hide_it():
     rows = track(1).samples
     edges_ns = rows.stamps_ns[np.flatnonzero(np.diff(rows.truth)) + 1]
-    by_hand = rows._replace(accuracy_s=0.2, **label_at(rows.stamps_ns, edges_ns, 0.2))
+    by_hand = rows._replace(accuracy_s=0.2, **label_times(rows.stamps_ns, edges_ns, 0.2))
     tracks = [track_of('a', [by_hand], RATE_HZ)]
     objective = Problem(tracks)
     short, long = (

@@ -26,13 +26,7 @@ from slip_detector.evaluation.events import Events
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.tuning.sweep import (
-    count_scores,
-    sweep_thresholds,
-    thresholds,
-    vote_statistics,
-    votes_of,
-)
+from slip_detector.tuning.sweep import VoteStatistics, vote_statistics, votes_of
 from slip_detector.tuning.tracks import track_of
 from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
 from support.tuning_cases import track_with
@@ -47,16 +41,16 @@ def test_each_threshold_and_vote_has_the_figures_of_a_chain_with_them_to_the_bit
     several = [[piece._replace(kind=kind) for piece in pieces] for pieces, kind in kinds]
     tracks = [track_of('a', pieces, RATE_HZ) for pieces in several]
     scoring = evaluation, settling_rows(config)
-    for vote, parts in vote_statistics(config, votes_of(config), tracks).items():
-        limits = thresholds(config, parts)
-        sweep = Events.pooled(sweep_thresholds(parts, limits, *scoring))
+    for statistics in vote_statistics(config, votes_of(config), tracks, *scoring):
+        limits = statistics.thresholds()
+        sweep = Events.pooled(statistics.events(limits))
         for k in {0, limits.size - 1, random.randrange(limits.size)} if limits.size else ():
-            chain = dataclasses.replace(config, vote=vote, threshold=float(limits[k]))
+            chain = dataclasses.replace(statistics.chain, threshold=float(limits[k]))
             replay = Replay(chain, evaluation)
             outcomes = [replay.run(pieces, RATE_HZ) for pieces in several]
             latencies_ms = np.concatenate([one.events.latencies_ms for one in outcomes])
             np.testing.assert_array_equal(sweep.latencies_ms[:, k], latencies_ms[:, 0])
-            figures = sweep.at(k) | count_scores(parts, chain.threshold, *scoring).aucs()
+            figures = sweep.at(k) | statistics.count_scores(chain.threshold).aucs()
             assert figures.items() <= figures_of_merit(outcomes).items()
 
 
@@ -72,11 +66,18 @@ def test_the_votes_are_all_counts_of_small_groups_and_shares_of_large_ones():
     assert votes_of(large) == ('all', 'mean', 2, 4, 6, 8, 10, 12, 14)
 
 
+def thresholds(chain, values):
+    """Return the thresholds of a statistic in a recording without slip."""
+    return VoteStatistics(
+        chain, [(values, track_with(np.zeros((len(values), 1))), None)]
+    ).thresholds()
+
+
 @given(values=st.lists(st.floats(1e-6, 1e6), min_size=1, max_size=50), exponent=st.integers(1, 4))
 def test_thresholds_rise_in_even_steps_of_amplitude_up_to_where_nothing_is_on(values, exponent):
     statistic = np.array(values)
     chain = ChainConfig(exponent=exponent)
-    limits = thresholds(chain, [(statistic, track_with(np.zeros((len(values), 1))))])
+    limits = thresholds(chain, statistic)
     assert limits[-1] >= statistic.max() > 0.999 * limits[-1]
     np.testing.assert_allclose(limits[1:] / limits[:-1], 1.03**exponent, rtol=3e-3)
     assert (
@@ -86,20 +87,17 @@ def test_thresholds_rise_in_even_steps_of_amplitude_up_to_where_nothing_is_on(va
     assert [float(f'{limit:.4g}') for limit in limits] == limits.tolist()
 
 
-QUIET = track_with(np.zeros((20, 1)))
-
-
 def test_of_a_statistic_that_no_threshold_divides_there_is_none():
     silent, endless = np.zeros(20), np.array([0.0, np.inf] * 10)
     at_its_limit = np.full(20, EVIDENCE.evidence_limit_db_s)
     for chain, values in ((MEAN, silent), (MEAN, endless), (EVIDENCE, at_its_limit)):
-        assert thresholds(chain, [(values, QUIET)]).size == 0
+        assert thresholds(chain, values).size == 0
 
 
 def test_thresholds_of_evidence_are_as_far_apart_as_louder_noise_moves_it_below_its_limit():
-    limits = thresholds(EVIDENCE, [(np.linspace(0.0, 1.3, 20), QUIET)])
+    limits = thresholds(EVIDENCE, np.linspace(0.0, 1.3, 20))
     assert 0.95 * 1.3 < limits[-1] < 1.3
-    limits = thresholds(EVIDENCE, [(np.linspace(0.0, 1.0, 20), QUIET)])
+    limits = thresholds(EVIDENCE, np.linspace(0.0, 1.0, 20))
     # 3 % of amplitude are 0.257 dB, and a window lasts for 20 ms.
     steps = np.diff(limits[limits < 0.1])
     np.testing.assert_allclose(steps, 0.257 * 0.02, rtol=0.05)

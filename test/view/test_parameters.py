@@ -41,9 +41,9 @@ NAME = '/index/slip_detector'
 NO_NAMES = None, '..', '../a', '/tmp/a', 'a.b', '', 'a\0', 'a\n', '-rf', 'Ä', 'a' * 65, 'a__b'
 
 
-def server_of(tmp_path, files=(), labels=('index',), overrides=None, **access):
+def server_of(tmp_path, files=(), labels=('index',), overridden=(), **access):
     server = Server(SimulatedDetectors(labels, real_time=False), Access(**access))
-    ParameterRequests(server, tmp_path / 'saved', files, overrides)
+    ParameterRequests(server, tmp_path / 'saved', files, overridden)
     (tmp_path / 'saved').mkdir()
     return server
 
@@ -148,7 +148,7 @@ def test_values_with_which_a_detector_was_started_in_place_of_its_file_are_not_s
     file = tmp_path / 'sensor.yaml'
     config = DetectorConfig(input_field='data', gain=7.0)
     write_yaml(file, config.to_document())
-    server = server_of(tmp_path, [file], overrides={'input_field': 'position'})
+    server = server_of(tmp_path, [file], overridden=['input_field'])
     server.tick()
     assert ask(server, type='as_in_file')['refusal'] == ''
     now = server.detectors.fingers[NAME].config

@@ -105,31 +105,28 @@ def break_two(*simulated):
 FIVE = {
     'index': ROUND_S + IN_SLIP_S - 1.5, 'little': 6.8, 'middle': 0.5, 'ring': 7.0, 'thumb': 0.0,
 }  # fmt: skip
-FIVE_STATES = 'slip', 'rest', 'rest', 'rest', 'noInput'
+
+#: By name of the picture: the seconds that each finger has played, how they are prepared, until
+#: which second they play, and the states that are seen.
+PICTURES = {
+    'five': (FIVE, break_two, ROUND_S + IN_SLIP_S, ('slip', 'rest', 'rest', 'rest', 'noInput')),
+    'rest': ({'index': AT_REST_S - 2.0}, lambda simulated: None, AT_REST_S, ('rest',)),
+    'slip': ({'index': IN_SLIP_S - 1.5}, stay_in_slip, IN_SLIP_S, ('slip',)),
+    'dead': ({'index': 0.0}, lose_a_channel, AT_REST_S, ('rest',)),
+}
 
 
-def test_five_fingers(opened, tmp_path):
-    page = opened(FIVE, break_two)
-    parts.until(page, f'data.toS > {40 + ROUND_S + IN_SLIP_S}')
-    for label, state in zip(FIVE, FIVE_STATES, strict=True):
-        expect(parts.card(page, label)).to_have_attribute('data-state', state)
-    keep(page, 'five', tmp_path)
-
-
-@pytest.mark.skipif('SLIP_FIGURES' not in os.environ, reason='no SLIP_FIGURES')
-@pytest.mark.parametrize(
-    ('name', 'played_s', 'prepare', 'seen_s'),
-    [
-        ('rest', AT_REST_S - 2.0, lambda simulated: None, AT_REST_S),
-        ('slip', IN_SLIP_S - 1.5, stay_in_slip, IN_SLIP_S),
-        ('dead', 0.0, lose_a_channel, AT_REST_S),
-    ],
-)
-def test_one_finger(opened, tmp_path, name, played_s, prepare, seen_s):
-    page = opened({'index': played_s}, prepare)
+@pytest.mark.parametrize('name', PICTURES)
+def test_signals(opened, tmp_path, name):
+    if name != 'five' and 'SLIP_FIGURES' not in os.environ:
+        pytest.skip('no SLIP_FIGURES')
+    played_s, prepare, seen_s, states = PICTURES[name]
+    page = opened(played_s, prepare)
     if name == 'dead':
         page.get_by_role('button', name='LR', exact=True).click()
     parts.until(page, f'data.toS > {40 + seen_s}')
+    for label, state in zip(played_s, states, strict=True):
+        expect(parts.card(page, label)).to_have_attribute('data-state', state)
     keep(page, name, tmp_path)
 
 

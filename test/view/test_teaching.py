@@ -360,6 +360,7 @@ async def test_a_doubted_recording_is_marked_as_a_mistake_by_a_person_who_may_ta
 ):
     async with tuned(tmp_path) as one:
         await one.ask('recordings')
+        about = {'finger': FINGER, 'recording': 'slip_2'}
         doubts = ['slip_2: nothing changes at its slips, at 2.0 s', 'rest_1: quiet']
         one.teaching.folder_of(one.finger).note_doubts(doubts)
         assert [name for name, its in one.listed().items() if its['note']] == ['slip_2']
@@ -367,3 +368,6 @@ async def test_a_doubted_recording_is_marked_as_a_mistake_by_a_person_who_may_ta
             assert await one.ask('mark_recording', recording='slip_2', mistaken=mistaken) == ''
             its = one.listed()['slip_2']
             assert (its['mistaken'], its['usable'], its['note']) == (mistaken, not mistaken, '')
+            trace = await one.server.answer({'type': 'trace', **about})
+            assert trace['refusal'] == ''
+            assert len(trace['slip_s']) == (not mistaken)  # Those of the recording count again.

@@ -58,7 +58,8 @@ export class Played extends RecordingTrace {
 
   show(state) {
     const {at_s: at, duration_s: end, reading} = state, {frame} = this;
-    const changed = state.changes !== this.state?.changes;
+    const differs = (part) => String(state[part]) !== String(this.state?.[part]);
+    const changed = ['slip_s', 'changes', 'reading'].some(differs);
     this.state = state;
     this.root.hidden = false;
     write('bag-play', state.playing ? 'Stop' : 'Play');

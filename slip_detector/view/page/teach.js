@@ -112,12 +112,12 @@ export class Teach extends Tool {
     const {finger, latest, labels} = this, known = latest.fingers[finger] ?? {recordings: []};
     // After a restart, the server has not listed the recordings yet.
     if (finger in labels && !known.folder) this.connection.request('recordings', {finger});
-    const {recordings, held_out: heldOut, folder, obeys, interrupted} = known;
+    const {recordings, folder, obeys, interrupted} = known;
     write('teach-words', latest.words);
     element('obeys').hidden = !obeys;
     write('recordings-folder', folder ? `In ${folder}.` : '');
-    const listed = JSON.stringify([recordings, heldOut, this.locked]);
-    if (listed !== this.listed) this.showList(recordings, heldOut);
+    const listed = JSON.stringify([recordings, this.locked]);
+    if (listed !== this.listed) this.showList(recordings);
     this.listed = listed;
     for (const [kind, wanted] of Object.entries(WANTED)) {
       const made = recordings.filter((each) => each.kind === kind && each.usable);
@@ -134,12 +134,11 @@ export class Teach extends Tool {
     this.showRecording();
   }
 
-  showList(recordings, heldOut) {
+  showList(recordings) {
     // What is marked as a mistake has no labels to be seen.
     const seen = recordings.filter(({mistaken}) => !mistaken).map(({name}) => name);
     this.traces = new Map(seen.map((name) => [name, this.traces.get(name) ?? this.traceOf(name)]));
-    const rowsOf = (each) => this.rowsOf(each, heldOut.includes(each.name));
-    element('recordings').replaceChildren(...recordings.flatMap(rowsOf));
+    element('recordings').replaceChildren(...recordings.flatMap((each) => this.rowsOf(each)));
     this.loadTraces(this.decided);
   }
 
@@ -147,7 +146,7 @@ export class Teach extends Tool {
     return this.ask(type, {recording, ...content}, element('recordings-frame'));
   }
 
-  rowsOf({name, duration_s: seconds, usable, mistaken, note}, isHeldOut) {
+  rowsOf({name, duration_s: seconds, usable, held_out: isHeldOut, mistaken, note}) {
     const disabled = this.locked, length = `${seconds.toFixed(1)} s`;
     const act = (word, onclick) => button(word, onclick, {ariaLabel: `${word} ${name}`, disabled});
     const remove = act('Delete', () => (
