@@ -119,3 +119,9 @@ def test_every_scene_that_comes_with_the_package_is_described():
         r'## What comes with the package\n(.*?)\n## ', SCENES.read_text(encoding='utf-8'), re.S
     )
     assert sorted(re.findall(r'^\| `(\w+)` \|', listed, re.M)) == shipped
+
+
+def test_lines_of_parameter_files_have_at_most_99_columns_but_commands():
+    files = (ROOT / 'config').rglob('*.yaml')
+    lines = (line for path in files for line in path.read_text(encoding='utf-8').splitlines())
+    assert [line for line in lines if len(line) > 99 and ' ros2 launch ' not in line] == []
