@@ -16,7 +16,6 @@
 """Rest, slips and taps are recorded, and tuned on, as a page requests."""
 
 import asyncio
-import contextlib
 import dataclasses
 import json
 import re
@@ -241,12 +240,12 @@ async def test_nothing_that_a_page_sends_leaves_the_folder(tmp_path, name):
 
 
 async def test_a_finger_is_watched_while_it_is_recorded_at_most_until_the_server_ends(taught):
-    assert await taught.ask('record', kind='rest') == ''
+    await taught.ask('record', kind='rest')
     taught.play(2.0)
     assert taught.detectors.watched == {FINGER}
     shown = taught.latest('recording')['recording']
     assert (shown['words'], shown['slipping']) == ('rest_1 of index: 2.0 s', False)
-    assert await taught.ask('stop_recording') == ''
+    await taught.ask('stop_recording')
     taught.play(0.1)
     assert taught.detectors.watched == set()
     assert taught.latest('recording')['recording'] is None
@@ -269,65 +268,53 @@ async def test_a_page_that_may_only_look_is_answered_only_what_changes_nothing(t
     assert sorted(tmp_path.rglob('*')) == before
 
 
-@contextlib.asynccontextmanager
-async def tuned(folder):
-    """Give what is taught, with two recordings of slips, and end it in the test's event loop."""
-    write_recordings(folder / 'index', slips=2)
-    one = Taught(folder)
-    try:
-        yield one
-    finally:
-        await one.server.close()
-
-
-async def test_tuning_runs_once_keeps_its_recordings_and_ends_with_the_server(tmp_path):
-    async with tuned(tmp_path) as one:
-        refusals = await asyncio.gather(one.ask('tune'), one.ask('tune'))
-        assert sorted(refusals) == ['', 'tuning runs already, allowed: one at a time']
-        for kind in ('delete_recording', 'mark_recording'):
-            assert 'are being tuned on' in await one.ask(kind, recording='slip_1')
-        run = one.teaching._run
-        while not run.said['step']:
-            await asyncio.sleep(0.02)
-        assert one.latest()['tuning']['step'] == 'reading the recordings'
+async def test_tuning_runs_once_keeps_its_recordings_and_ends_with_the_server(taught):
+    write_recordings(taught.folder / 'index', slips=2)
+    refusals = await asyncio.gather(taught.ask('tune'), taught.ask('tune'))
+    assert sorted(refusals) == ['', 'tuning runs already, allowed: one at a time']
+    for kind in ('delete_recording', 'mark_recording'):
+        assert 'are being tuned on' in await taught.ask(kind, recording='slip_1')
+    run = taught.teaching._run
+    while not run.said['step']:
+        await asyncio.sleep(0.02)
+    assert taught.latest()['tuning']['step'] == 'reading the recordings'
+    await taught.server.close()
     assert run._process.returncode == -9
     assert not run.running
     # A later server offers to go on with trials for the same parameters that gave no result.
     ran, other = DetectorConfig(), DetectorConfig(threshold=0.3)
     trials, result = 'tuned.yaml.study.journal', 'tuned.yaml'
     for newest, config, offered in ((trials, ran, True), (trials, other, 0), (result, ran, 0)):
-        (tmp_path / 'index' / 'tuning' / newest).touch()
-        again = Taught(tmp_path)
+        (taught.folder / 'index' / 'tuning' / newest).touch()
+        again = Taught(taught.folder)
         again.finger.config = config
         await again.ask('recordings')
         assert again.latest()['fingers'][FINGER]['interrupted'] == offered
 
 
-async def test_what_was_found_is_applied_as_one_change_and_the_rest_stays(tmp_path):
-    async with tuned(tmp_path) as one:
-        run = one.teaching._run = TuneRun(
-            one.teaching.folder_of(one.finger), FINGER, DetectorConfig()
-        )
-        finger = one.detectors.fingers[FINGER]
-        found = {'threshold': 0.25, 'groups': {'all': tuple(range(1, 17))}}
-        run.found = dataclasses.replace(finger.config, **found)
-        # Meanwhile another program has changed what was compared, and what decides nothing.
-        await one.detectors.change(FINGER, {'gain': 7.0, 'heartbeat_hz': 5.0}, 'page 1')
-        changes = one.detectors.fingers[FINGER].count
-        assert await one.ask('apply_tuning') == ''
-        assert finger.config == dataclasses.replace(run.found, heartbeat_hz=5.0)
-        assert one.detectors.fingers[FINGER].count == changes + 1
-        assert await one.ask('apply_tuning') == ''
-        assert one.latest()['words'].endswith('0 values set')
-        for other in (DetectorConfig(channels=8), DetectorConfig(sample_rate_hz=400.0)):
-            finger.config = other
-            refusal = await one.ask('apply_tuning')
-            assert refusal.startswith('the detector has other channels or another rate now')
+async def test_what_was_found_is_applied_as_one_change_and_the_rest_stays(taught):
+    finger, found = taught.finger, {'threshold': 0.25, 'groups': {'all': tuple(range(1, 17))}}
+    folder = taught.teaching.folder_of(finger)
+    run = taught.teaching._run = TuneRun(folder, FINGER, DetectorConfig())
+    run.found = dataclasses.replace(finger.config, **found)
+    # Meanwhile another program has changed what was compared, and what decides nothing.
+    await taught.detectors.change(FINGER, {'gain': 7.0, 'heartbeat_hz': 5.0}, 'page 1')
+    changes = finger.count
+    assert await taught.ask('apply_tuning') == ''
+    assert finger.config == dataclasses.replace(run.found, heartbeat_hz=5.0)
+    assert finger.count == changes + 1
+    assert await taught.ask('apply_tuning') == ''
+    assert taught.latest()['words'].endswith('0 values set')
+    for other in (DetectorConfig(channels=8), DetectorConfig(sample_rate_hz=400.0)):
+        finger.config = other
+        refusal = await taught.ask('apply_tuning')
+        assert refusal.startswith('the detector has other channels or another rate now')
 
 
-async def test_the_ends_of_a_label_are_seen_beside_the_decision_snapped_and_saved(tmp_path):
-    write_recordings(tmp_path / 'index', slips=1)
-    taught = Taught(tmp_path)
+async def test_the_ends_of_a_label_are_seen_beside_the_decision_snapped_and_saved(
+    taught,
+):
+    write_recordings(taught.folder / 'index', slips=1)
     await taught.ask('recordings')
 
     async def ask(kind, **content):
@@ -342,13 +329,13 @@ async def test_the_ends_of_a_label_are_seen_beside_the_decision_snapped_and_save
     assert seen['duration_s'] <= seen['bin_s'] * len(seen['level']) < seen['duration_s'] + 0.1
     late_s = [[start_s + 0.05, end_s + 0.07]]
     assert (await ask('label', slip_s=late_s, pixel_s=0.2))['refusal'] == ''
-    assert open_recording(tmp_path / 'index' / 'slip_1').accuracy_s == 0.2
+    assert open_recording(taught.folder / 'index' / 'slip_1').accuracy_s == 0.2
     assert f'start {start_s + 0.05:.2f}' in (await ask('snap'))['said']
     assert (await ask('trace'))['slip_s'] == [pytest.approx(true_slip_s('slip_1'), abs=0.05)]
     # Without a file the labels are those of the recording, as exact as a key.
     for _ in range(2):
         assert (await ask('undo_label'))['refusal'] == ''
-    assert open_recording(tmp_path / 'index' / 'slip_1').accuracy_s == BY_HAND_S
+    assert open_recording(taught.folder / 'index' / 'slip_1').accuracy_s == BY_HAND_S
     assert (await ask('trace'))['slip_s'] == [[start_s, end_s]]
     assert 'begins before' in (await ask('label', slip_s=[[98, 99]]))['refusal']
     assert (await ask('label', slip_s=[]))['refusal'] == ''
@@ -356,18 +343,17 @@ async def test_the_ends_of_a_label_are_seen_beside_the_decision_snapped_and_save
 
 
 async def test_a_doubted_recording_is_marked_as_a_mistake_by_a_person_who_may_take_it_back(
-    tmp_path,
+    taught,
 ):
-    async with tuned(tmp_path) as one:
-        await one.ask('recordings')
-        about = {'finger': FINGER, 'recording': 'slip_2'}
-        doubts = ['slip_2: nothing changes at its slips, at 2.0 s', 'rest_1: quiet']
-        one.teaching.folder_of(one.finger).note_doubts(doubts)
-        assert [name for name, its in one.listed().items() if its['note']] == ['slip_2']
-        for mistaken in (True, False):
-            assert await one.ask('mark_recording', recording='slip_2', mistaken=mistaken) == ''
-            its = one.listed()['slip_2']
-            assert (its['mistaken'], its['usable'], its['note']) == (mistaken, not mistaken, '')
-            trace = await one.server.answer({'type': 'trace', **about})
-            assert trace['refusal'] == ''
-            assert len(trace['slip_s']) == (not mistaken)  # Those of the recording count again.
+    write_recordings(taught.folder / 'index', slips=2)
+    await taught.ask('recordings')
+    doubts = ['slip_2: nothing changes at its slips, at 2.0 s', 'rest_1: quiet']
+    taught.teaching.folder_of(taught.finger).note_doubts(doubts)
+    assert [name for name, its in taught.listed().items() if its['note']] == ['slip_2']
+    for mistaken in (True, False):
+        assert await taught.ask('mark_recording', recording='slip_2', mistaken=mistaken) == ''
+        its = taught.listed()['slip_2']
+        assert (its['mistaken'], its['usable'], its['note']) == (mistaken, not mistaken, '')
+        about = {'type': 'trace', 'finger': FINGER, 'recording': 'slip_2'}
+        trace = await taught.server.answer(about)
+        assert len(trace['slip_s']) == (not mistaken)  # Those of the recording count again.
