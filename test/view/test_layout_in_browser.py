@@ -121,20 +121,7 @@ def test_one_finger_fills_the_screen(played, size):
     expect(parts.tool(page, 'Set')).to_be_in_viewport(ratio=1)
 
 
-def test_drawings_follow_the_dark_mode_of_the_system(played):
-    _, page = played({'index': rest_rows()})
-    expect(page.locator('.lane-name.channel')).to_have_count(4)
-    for tab in ('Traces', 'Spectrum'):
-        parts.tab(page, tab).click()
-        for scheme in ('light', 'dark'):
-            page.emulate_media(color_scheme=scheme)
-            for part in map(page.locator, ('body', '.taxels', f'#{tab.lower()}')):
-                # The drawings change with the next frame.
-                while not (light(part) > 200 if scheme == 'light' else light(part) < 70):
-                    page.wait_for_timeout(50)
-
-
-def test_five_fingers_stand_side_by_side_and_the_skip_link_leads_to_the_threshold(played):
+def test_five_fingers_stand_side_by_side_and_fit_on_a_phone(played):
     rows = dict.fromkeys(('index', 'little', 'middle', 'ring'), rest_rows())
     _, page = played({**rows, 'thumb': slip_rows()})
     resize(page, OLD_LAPTOP)
@@ -150,11 +137,10 @@ def test_five_fingers_stand_side_by_side_and_the_skip_link_leads_to_the_threshol
     expect(skip).to_be_in_viewport(ratio=1)
     page.keyboard.press('Enter')
     expect(parts.threshold_line(page)).to_be_focused()
-
-
-def test_on_a_phone_traces_come_early_and_nothing_overlaps(played):
-    _, page = played(dict.fromkeys(('index', 'little', 'middle', 'ring', 'thumb'), rest_rows()))
+    # On a phone traces come early, and nothing overlaps.
     resize(page, PHONE)
+    parts.tab(page, 'Traces').click()
+    page.evaluate('scrollTo(0, 0)')
     touch = page.context.new_cdp_session(page)
     touch.send('Emulation.setTouchEmulationEnabled', {'enabled': True})
     expect(page.locator('.lane-name.channel').first).to_be_in_viewport(ratio=1)
@@ -174,9 +160,18 @@ def test_on_a_phone_traces_come_early_and_nothing_overlaps(played):
     assert all(left <= each[0] and each[2] <= right for each in boxes)
 
 
-def test_what_is_changed_most_often_stands_on_top_and_the_rest_is_found(played):
+def test_drawings_follow_the_dark_mode_and_what_is_changed_most_often_stands_on_top(played):
     _, page = played({'index': rest_rows()})
     resize(page, LAPTOP)
+    expect(page.locator('.lane-name.channel')).to_have_count(4)
+    for tab in ('Traces', 'Spectrum'):
+        parts.tab(page, tab).click()
+        for scheme in ('light', 'dark'):
+            page.emulate_media(color_scheme=scheme)
+            for part in map(page.locator, ('body', '.taxels', f'#{tab.lower()}')):
+                # The drawings change with the next frame.
+                while not (light(part) > 200 if scheme == 'light' else light(part) < 70):
+                    page.wait_for_timeout(50)
     parts.tab(page, 'Parameters').click()
     threshold = parts.field(page, 'threshold')
     presets = parts.tool(page, 'grasp'), parts.tool(page, 'As first seen')
