@@ -42,22 +42,14 @@ def pytest_pyfunc_call(pyfuncitem):
 
 
 @pytest.fixture
-def frame_s():
-    """Period of the frames, longer than for a user: drawing 30 a second takes a third of a core.
-
-    A test that depends on the period is parametrized with that of the server.
-    """
-    return 1 / 10
-
-
-@pytest.fixture
-def open_page(browser, monkeypatch, frame_s):
+def open_page(browser, monkeypatch):
     """Return what opens the page of a served hand; what it complains of fails the test.
 
-    Nothing may be asked of any other address.
+    Nothing may be asked of any other address. Frames come less often than for a user: drawing 30 a
+    second takes a third of a core.
     """
     opened = []
-    monkeypatch.setattr(server, 'FRAME_S', frame_s)
+    monkeypatch.setattr(server, 'FRAME_S', 1 / 10)
 
     def open_(served, width=1366):
         page = browser.new_page()

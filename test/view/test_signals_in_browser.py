@@ -23,12 +23,15 @@ import numpy as np
 import pytest
 
 from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.view import server
 from slip_detector.view.detectors import RESTART
-from slip_detector.view.server import FRAME_S
 from support import page_parts as parts
 from support.browsers import expect
 from support.finger_states import rest_rows
 from support.simulated_detectors import SimulatedDetectors
+
+#: Period of the frames that a user gets.
+FRAME_S = server.FRAME_S
 
 #: Pixels of the names at the left and of the scales at the right.
 NAMES_WIDTH, RIGHT_MARGIN = 92, 60
@@ -49,8 +52,8 @@ def stretch(page):
     return float(data['fromS']), float(data['toS'])
 
 
-@pytest.mark.parametrize('frame_s', [FRAME_S])
-def test_time_goes_on_and_never_back_and_stands_still_without_samples(serve):
+def test_time_goes_on_and_never_back_and_stands_still_without_samples(serve, monkeypatch):
+    monkeypatch.setattr(server, 'FRAME_S', FRAME_S)
     served, page = serve(SimulatedDetectors())
     parts.until(page, 'data.toS > 0')
     ends_of_a_second = """async (seconds) => {
