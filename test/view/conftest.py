@@ -27,6 +27,9 @@ from slip_detector.view.teaching import Teaching
 from support.browsers import complaints_of
 from support.simulated_detectors import SimulatedDetectors, served_beside
 
+#: Width and height of the window, where a test asks for no other.
+WINDOW = (1366, 768)
+
 #: Longest time of a coroutine, in seconds.
 DEADLINE_S = 180.0
 
@@ -51,9 +54,9 @@ def open_page(browser, monkeypatch):
     opened = []
     monkeypatch.setattr(server, 'FRAME_S', 1 / 10)
 
-    def open_(served, width=1366):
+    def open_(served, size=WINDOW):
         page = browser.new_page()
-        page.set_viewport_size({'width': width, 'height': 768})
+        page.set_viewport_size(dict(zip(('width', 'height'), size, strict=True)))
         opened.append(complaints_of(page, served.url.partition('?')[0]))
         served.before_end(page.close)  # It would complain of the end.
         page.goto(served.url)
@@ -68,13 +71,13 @@ def open_page(browser, monkeypatch):
 def serve(tmp_path, open_page):
     """Return what serves a hand as ``slip_view`` does, with a folder of the test, and its page."""
 
-    def serve_(detectors, files=(), access=None, width=1366):
+    def serve_(detectors, files=(), access=None, size=WINDOW):
         def prepare(server):
             ParameterRequests(server, tmp_path, files)
             Teaching(server, tmp_path)
 
         served = ends.enter_context(served_beside(detectors, access=access, prepare=prepare))
-        return served, open_page(served, width)
+        return served, open_page(served, size)
 
     with contextlib.ExitStack() as ends:
         yield serve_
@@ -84,11 +87,11 @@ def serve(tmp_path, open_page):
 def played(serve):
     """Return what opens a page on fingers that play rows: by label the rows."""
 
-    def open_(rows_of, prepare=lambda detectors: None, width=1366, config=None):
+    def open_(rows_of, prepare=lambda detectors: None, size=WINDOW, config=None):
         detectors = SimulatedDetectors(())
         for label, rows in rows_of.items():
             detectors.add(label, config or DetectorConfig(), rows=rows)
         prepare(detectors)
-        return serve(detectors, width=width)
+        return serve(detectors, size=size)
 
     return open_
