@@ -36,11 +36,7 @@ EVENTS = {
         Event('missed', 9.0, 10.0, note='lost at: vote'),
         Event('late', 15.0, 16.0, 0.4, {'filter': 0.012, 'vote': 0.388}),
     ],
-    'tuned': [
-        Event('detected', 4.0, 5.0, 0.02),
-        Event('detected', 9.0, 10.0, 0.025),
-        Event('detected', 15.0, 16.0, 0.022),
-    ],
+    'tuned': [Event('detected', *slip_s, 0.02) for slip_s in SLIPS_S],
 }
 
 

@@ -148,19 +148,16 @@ async def test_pages_hear_of_fingers_that_come_and_go_and_of_the_end_of_the_serv
 
 
 async def test_requests_are_answered_and_refusals_are_in_words(caplog):
-    async def add(value):
-        if value != 7:
-            raise ValueError('value is no 7')
-        return {'value': 8}
+    async def add(name):
+        return {'value': f'{name} and more'}
 
     async def fail():
         raise KeyError('gone')
 
     async with served() as (it, page):
         it.server.on_requests(SimpleNamespace(answer_add=add, answer_fail=fail), 'add', 'fail')
-        assert (await page.request('add', value=7))['value'] == 8
+        assert (await page.request('add', name='one'))['value'] == 'one and more'
         for name, refusal in (
-            ('add', 'value is no 7'),
             ('subtract', 'subtract is no request, allowed: add, fail, keep_rest'),
             ('keep_rest', "there is no finger '/none'"),
             ('fail', "slip_view has failed at this, its log says where: KeyError('gone')"),
@@ -183,8 +180,6 @@ async def test_the_files_of_the_page_are_served_and_nothing_else(caplog):
         for path in [*outside, 'page/none', 'page/index.html%00', 'page/%0a', f'page/{"a" * 999}']:
             assert (await status_of(it.url + path))[0] in (403, 404)
         assert caplog.text == ''
-        # It cannot be changed either.
-        assert (await status_of(HTTPRequest(it.url, method='POST', body='')))[0] == 405
         # What tornado itself cannot take is one line.
         reader, writer = await it.connect()
         writer.write(b'GET / HTTP/1.1\r\nHost: a:' + 5000 * b'9' + b'\r\n\r\n')

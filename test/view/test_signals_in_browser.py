@@ -73,12 +73,8 @@ def test_time_goes_on_and_never_back_and_stands_still_without_samples(serve, mon
     columns = steps * width / 10.0
     assert columns == pytest.approx(columns.round(), abs=0.02)
     served.call(setattr, served.detectors, 'real_time', False)
-    before, now = None, stretch(page)
-    while now != before:
-        page.wait_for_timeout(500)
-        before, now = now, stretch(page)
-    assert set(page.evaluate(ends_of_a_second, 1.0)) == {now[1]}
-    expect(parts.card(page)).to_contain_text('no sample for')
+    expect(parts.card(page)).to_contain_text(re.compile(r'no sample for ([2-9]|\d\d)'))
+    assert len(set(page.evaluate(ends_of_a_second, 1.0))) == 1
     served.call(served.detectors.simulated.clear)  # No heart beats any more.
     expect(parts.card(page)).to_contain_text('was it killed, or stopped?')
 
