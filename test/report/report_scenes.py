@@ -26,14 +26,6 @@ from slip_detector.report.page import Variant
 GIVEN = ChainConfig()
 TUNED = ChainConfig(passband_hz=(10.0, 60.0), stopbands_hz=(), threshold=1.0, vote='mean')
 
-THREE_CHANNELS = ChainConfig(
-    channels=3,
-    sample_rate_hz=200.0,
-    stopbands_hz=(),
-    threshold=0.3,
-    groups={'a': (1, 2), 'b': (3,)},
-)
-
 #: Seconds of true slip in each recording.
 SLIPS_S = ((4.0, 5.0), (9.0, 10.0), (15.0, 16.0))
 
@@ -44,11 +36,7 @@ EVENTS = {
         Event('missed', 9.0, 10.0, note='lost at: vote'),
         Event('late', 15.0, 16.0, 0.4, {'filter': 0.012, 'vote': 0.388}),
     ],
-    'tuned': [
-        Event('detected', 4.0, 5.0, 0.02),
-        Event('detected', 9.0, 10.0, 0.025),
-        Event('detected', 15.0, 16.0, 0.022),
-    ],
+    'tuned': [Event('detected', *slip_s, 0.02) for slip_s in SLIPS_S],
 }
 
 

@@ -31,7 +31,13 @@ from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report import overview as module
 from slip_detector.report.overview import THRESHOLD_CODE, Overview, events_of, level_codes
 
-CONFIG = scenes.THREE_CHANNELS
+CONFIG = ChainConfig(
+    channels=3,
+    sample_rate_hz=200.0,
+    stopbands_hz=(),
+    threshold=0.3,
+    groups={'a': (1, 2), 'b': (3,)},
+)
 SAMPLES = 1000
 
 

@@ -27,21 +27,15 @@ TIME_S = np.arange(400) / 100.0
 ON = (TIME_S >= 1.0) & (TIME_S < 2.0)
 
 
-@pytest.fixture
-def figures(monkeypatch):
-    """Return the figures that are drawn, in place of files."""
+@pytest.mark.parametrize('motion_s', [(1.0, 2.0), None])
+def test_each_group_shows_its_channels_and_its_decision(monkeypatch, motion_s):
     drawn = []
     monkeypatch.setattr(pictures, 'save_picture', lambda figure, path: drawn.append(figure))
-    return drawn
-
-
-@pytest.mark.parametrize('motion_s', [(1.0, 2.0), None])
-def test_each_group_shows_its_channels_and_its_decision(figures, tmp_path, motion_s):
     config = ChainConfig(channels=3, groups={'a': (1, 2), 'b': (3,)})
     volts = np.column_stack([np.sin(TIME_S), np.cos(TIME_S), TIME_S])
     groups = {'a': ON, 'b': ~ON}
-    draw_trial(tmp_path / 'a.png', TIME_S, volts, config, groups, ON, motion_s)
-    (figure,) = figures
+    draw_trial('a.png', TIME_S, volts, config, groups, ON, motion_s)
+    (figure,) = drawn
     raw_a, decided_a, raw_b, decided_b, slip = figure.axes
     marks = 1 if motion_s else 0
     assert [len(axis.lines) for axis in (raw_a, raw_b)] == [2 + marks, 1 + marks]

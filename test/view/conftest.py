@@ -27,6 +27,9 @@ from slip_detector.view.teaching import Teaching
 from support.browsers import complaints_of
 from support.simulated_detectors import SimulatedDetectors, served_beside
 
+#: Width and height of the window, where a test asks for no other.
+WINDOW = (1366, 768)
+
 #: Longest time of a coroutine, in seconds.
 DEADLINE_S = 180.0
 
@@ -42,26 +45,18 @@ def pytest_pyfunc_call(pyfuncitem):
 
 
 @pytest.fixture
-def frame_s():
-    """Period of the frames, longer than for a user: drawing 30 a second takes a third of a core.
-
-    A test that depends on the period is parametrized with that of the server.
-    """
-    return 1 / 10
-
-
-@pytest.fixture
-def open_page(browser, monkeypatch, frame_s):
+def open_page(browser, monkeypatch):
     """Return what opens the page of a served hand; what it complains of fails the test.
 
-    Nothing may be asked of any other address.
+    Nothing may be asked of any other address. Frames come less often than for a user: drawing 30 a
+    second takes a third of a core.
     """
     opened = []
-    monkeypatch.setattr(server, 'FRAME_S', frame_s)
+    monkeypatch.setattr(server, 'FRAME_S', 1 / 10)
 
-    def open_(served, width=1366):
+    def open_(served, size=WINDOW):
         page = browser.new_page()
-        page.set_viewport_size({'width': width, 'height': 768})
+        page.set_viewport_size(dict(zip(('width', 'height'), size, strict=True)))
         opened.append(complaints_of(page, served.url.partition('?')[0]))
         served.before_end(page.close)  # It would complain of the end.
         page.goto(served.url)
@@ -76,13 +71,13 @@ def open_page(browser, monkeypatch, frame_s):
 def serve(tmp_path, open_page):
     """Return what serves a hand as ``slip_view`` does, with a folder of the test, and its page."""
 
-    def serve_(detectors, files=(), access=None, width=1366):
+    def serve_(detectors, files=(), access=None, size=WINDOW):
         def prepare(server):
             ParameterRequests(server, tmp_path, files)
             Teaching(server, tmp_path)
 
         served = ends.enter_context(served_beside(detectors, access=access, prepare=prepare))
-        return served, open_page(served, width)
+        return served, open_page(served, size)
 
     with contextlib.ExitStack() as ends:
         yield serve_
@@ -92,11 +87,11 @@ def serve(tmp_path, open_page):
 def played(serve):
     """Return what opens a page on fingers that play rows: by label the rows."""
 
-    def open_(rows_of, prepare=lambda detectors: None, width=1366, config=None):
+    def open_(rows_of, prepare=lambda detectors: None, size=WINDOW, config=None):
         detectors = SimulatedDetectors(())
         for label, rows in rows_of.items():
             detectors.add(label, config or DetectorConfig(), rows=rows)
         prepare(detectors)
-        return serve(detectors, width=width)
+        return serve(detectors, size=size)
 
     return open_

@@ -51,22 +51,18 @@ def test_another_threshold_keeps_track_and_rest_and_other_channels_begin_anew():
     assert (finger.groups.shape, finger.rest) == ((1,), None)
 
 
-def notice(finger):
-    return finger.description()['notice']
-
-
 def test_a_restart_is_mentioned_for_some_minutes(monkeypatch):
     finger = Finger('/slip_detector', DetectorConfig())
     finger.slip = finger.valid = True
     finger.update_config(DetectorConfig(), RESTART)
-    assert 'started again' in notice(finger)
     assert not finger.slip
     assert not finger.valid
     finger.no_volts = 'no volts are shown'
-    assert notice(finger).startswith('no volts are shown; the detector was started again at ')
+    words = 'no volts are shown; the detector was started again at '
+    assert finger.description()['notice'].startswith(words)
     now_s = time.time()
     monkeypatch.setattr(detectors.time, 'time', lambda: now_s + detectors.RESTART_SHOWN_S)
-    assert notice(finger) == 'no volts are shown'
+    assert finger.description()['notice'] == 'no volts are shown'
 
 
 def test_a_detector_that_is_not_heard_is_called_silent_after_some_heartbeats(monkeypatch):
@@ -76,8 +72,7 @@ def test_a_detector_that_is_not_heard_is_called_silent_after_some_heartbeats(mon
     monkeypatch.setattr(detectors.time, 'monotonic', lambda: now_s + 2.5)
     assert not finger.silence()
     monkeypatch.setattr(detectors.time, 'monotonic', lambda: now_s + 4.0)
-    words = 'the detector has not been heard for 4 s: was it killed, or stopped?'
-    assert finger.silence() == words
+    assert finger.silence().startswith('the detector has not been heard for 4 s: was it killed')
 
 
 def test_channels_that_share_a_place_are_drawn_on_a_circle_around_it():

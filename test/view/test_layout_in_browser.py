@@ -32,10 +32,6 @@ from support.finger_states import rest_rows, slip_rows
 LAPTOP, OLD_LAPTOP, PHONE = (1440, 900), (1024, 768), (390, 844)
 
 
-def resize(page, size):
-    page.set_viewport_size(dict(zip(('width', 'height'), size, strict=True)))
-
-
 def tuned(served):
     """Let the tuning of the finger have found something."""
     run = TuneRun(RecordedFolder(None), parts.NAME, DetectorConfig())
@@ -44,15 +40,11 @@ def tuned(served):
     served.server.requests['apply_tuning'].__self__._run = run
 
 
-def click_at_the_edge(page, name):
-    """Click a button that stands at the lower edge of the window; return it."""
+def click_and_see_beside(page, name, answer, words):
+    """Click a button that stands at the lower edge of the window; the answer stands beside it."""
     button = parts.tool(page, name)
     button.evaluate('button => button.scrollIntoView({block: "end"})')
     button.click()
-    return button
-
-
-def expect_beside(button, answer, words):
     expect(answer).to_contain_text(words)
     expect(answer).to_be_in_viewport(ratio=1)
     expect(button).to_be_in_viewport()
@@ -62,21 +54,20 @@ def expect_beside(button, answer, words):
 
 @pytest.mark.parametrize('size', [LAPTOP, PHONE], ids=['laptop', 'phone'])
 def test_an_answer_stands_beside_its_button_in_sight(played, size):
-    served, page = played({'index': rest_rows()})
-    resize(page, size)
+    served, page = played({'index': rest_rows()}, size=size)
     saved = page.locator('#saved')
-    expect_beside(click_at_the_edge(page, 'Save'), saved, 'Saved. ros2 launch')
-    expect_beside(click_at_the_edge(page, 'Save'), saved, 'already exists')
+    click_and_see_beside(page, 'Save', saved, 'Saved. ros2 launch')
+    click_and_see_beside(page, 'Save', saved, 'already exists')
     expect(parts.tool(page, 'Replace the file')).to_be_in_viewport(ratio=1)
     served.call(tuned, served)
     expect(parts.tool(page, 'Apply 1 values')).to_be_enabled()
     words, refusal = page.locator('.teach-words'), page.locator('#teach .refusal:visible')
-    expect_beside(click_at_the_edge(page, 'Apply 1 values'), words, '1 values set')
+    click_and_see_beside(page, 'Apply 1 values', words, '1 values set')
     finger = served.detectors.fingers[parts.NAME]
     served.call(finger.update_config, DetectorConfig(sample_rate_hz=400.0))
     # News of parameters takes a refusal away, so it has to come first.
     expect(parts.field(page, 'sample_rate_hz')).to_have_value('400')
-    expect_beside(click_at_the_edge(page, 'Apply 1 values'), refusal, 'tune it again')
+    click_and_see_beside(page, 'Apply 1 values', refusal, 'tune it again')
 
 
 def box(locator):
@@ -97,9 +88,7 @@ def overlap(one, other):
 
 @pytest.mark.parametrize('size', [LAPTOP, OLD_LAPTOP], ids=['laptop', 'old_laptop'])
 def test_one_finger_fills_the_screen(played, size):
-    _, page = played({'index': rest_rows()})
-    resize(page, size)
-    page.reload()
+    _, page = played({'index': rest_rows()}, size=size)
     width, height = size
     traces, words, tools = map(page.locator, ('#timeline', '.finger', '#tools'))
     expect(page.locator('.lane-name.channel')).to_have_count(4)
@@ -121,23 +110,9 @@ def test_one_finger_fills_the_screen(played, size):
     expect(parts.tool(page, 'Set')).to_be_in_viewport(ratio=1)
 
 
-def test_drawings_follow_the_dark_mode_of_the_system(played):
-    _, page = played({'index': rest_rows()})
-    expect(page.locator('.lane-name.channel')).to_have_count(4)
-    for tab in ('Traces', 'Spectrum'):
-        parts.tab(page, tab).click()
-        for scheme in ('light', 'dark'):
-            page.emulate_media(color_scheme=scheme)
-            for part in map(page.locator, ('body', '.taxels', f'#{tab.lower()}')):
-                # The drawings change with the next frame.
-                while not (light(part) > 200 if scheme == 'light' else light(part) < 70):
-                    page.wait_for_timeout(50)
-
-
-def test_five_fingers_stand_side_by_side_and_the_skip_link_leads_to_the_threshold(played):
+def test_five_fingers_stand_side_by_side_and_fit_on_a_phone(played):
     rows = dict.fromkeys(('index', 'little', 'middle', 'ring'), rest_rows())
-    _, page = played({**rows, 'thumb': slip_rows()})
-    resize(page, OLD_LAPTOP)
+    _, page = played({**rows, 'thumb': slip_rows()}, size=OLD_LAPTOP)
     cards = [box(each) for each in page.locator('.finger').all()]
     assert len({top for _, top, _, _ in cards}) == 1
     assert cards[-1][2] > OLD_LAPTOP[0] - 40
@@ -150,11 +125,10 @@ def test_five_fingers_stand_side_by_side_and_the_skip_link_leads_to_the_threshol
     expect(skip).to_be_in_viewport(ratio=1)
     page.keyboard.press('Enter')
     expect(parts.threshold_line(page)).to_be_focused()
-
-
-def test_on_a_phone_traces_come_early_and_nothing_overlaps(played):
-    _, page = played(dict.fromkeys(('index', 'little', 'middle', 'ring', 'thumb'), rest_rows()))
-    resize(page, PHONE)
+    # On a phone traces come early, and nothing overlaps.
+    page.set_viewport_size({'width': PHONE[0], 'height': PHONE[1]})
+    parts.tab(page, 'Traces').click()
+    page.evaluate('scrollTo(0, 0)')
     touch = page.context.new_cdp_session(page)
     touch.send('Emulation.setTouchEmulationEnabled', {'enabled': True})
     expect(page.locator('.lane-name.channel').first).to_be_in_viewport(ratio=1)
@@ -174,9 +148,17 @@ def test_on_a_phone_traces_come_early_and_nothing_overlaps(played):
     assert all(left <= each[0] and each[2] <= right for each in boxes)
 
 
-def test_what_is_changed_most_often_stands_on_top_and_the_rest_is_found(played):
-    _, page = played({'index': rest_rows()})
-    resize(page, LAPTOP)
+def test_drawings_follow_the_dark_mode_and_what_is_changed_most_often_stands_on_top(played):
+    _, page = played({'index': rest_rows()}, size=LAPTOP)
+    expect(page.locator('.lane-name.channel')).to_have_count(4)
+    for tab in ('Traces', 'Spectrum'):
+        parts.tab(page, tab).click()
+        for scheme in ('light', 'dark'):
+            page.emulate_media(color_scheme=scheme)
+            for part in map(page.locator, ('body', '.taxels', f'#{tab.lower()}')):
+                # The drawings change with the next frame.
+                while not (light(part) > 200 if scheme == 'light' else light(part) < 70):
+                    page.wait_for_timeout(50)
     parts.tab(page, 'Parameters').click()
     threshold = parts.field(page, 'threshold')
     presets = parts.tool(page, 'grasp'), parts.tool(page, 'As first seen')

@@ -20,6 +20,7 @@ import dataclasses
 from hypothesis import given
 
 from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.fitting import fitting
 from slip_detector.parameters.yaml_files import write_yaml
 from slip_detector.view.access import Access
 from slip_detector.view.detectors import Finger
@@ -157,6 +158,14 @@ def test_values_with_which_a_detector_was_started_in_place_of_its_file_are_not_s
     assert ask(server, type='save', fingers=[NAME], name='kept')['refusal'] == ''
     saved = DetectorConfig.from_yaml(tmp_path / 'saved' / 'kept.yaml')
     assert saved == dataclasses.replace(config, threshold=0.25)
+
+
+def test_a_detector_is_made_to_take_what_comes(tmp_path):
+    server = server_of(tmp_path)
+    finger = server.detectors.fingers[NAME]
+    finger.to_fit = fitting(finger.config, 6, 200.0)
+    assert ask(server, type='take_input')['refusal'] == ''
+    assert (finger.config.channels, finger.config.sample_rate_hz) == (6, 200.0)
 
 
 def test_pages_get_changes_with_their_author_and_hear_that_a_detector_is_gone(tmp_path):

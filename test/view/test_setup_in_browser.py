@@ -21,8 +21,8 @@ import numpy as np
 import pytest
 
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.recordings import open_recording
 from slip_detector.recordings.labels import read_labels
+from slip_detector.view import tuning
 from support import page_parts as parts
 from support.browsers import expect
 from support.finger_states import rest_rows
@@ -73,9 +73,8 @@ def test_parameters_are_set_together_refused_undone_and_saved(serve, open_page, 
     # Two pages tell each other what they change.
     parts.field(other, 'threshold').fill('0.9')
     set_values(page, threshold='0.25', passband_hz='10, 60')
-    expect(parts.changes(page)).to_contain_text(
-        'Set: passband_hz from 7, 50 to 10, 60, threshold from 0.5'
-    )
+    words = 'Set: passband_hz from 7, 50 to 10, 60, threshold from 0.5'
+    expect(parts.changes(page)).to_contain_text(words)
     expect(parts.changes(other)).to_contain_text('Changed on another page: passband_hz')
     expect(row(other, 'threshold')).to_contain_text('Not set yet; the detector has 0.25.')
     expect(parts.field(other, 'threshold')).to_have_value('0.9')
@@ -83,10 +82,9 @@ def test_parameters_are_set_together_refused_undone_and_saved(serve, open_page, 
     served.call(finger.update_config, finger.config.with_values({'gain': 5.0}), 'outside')
     expect(parts.changes(page)).to_contain_text('Changed by another program: gain from 100 to 5.')
     expect(page.locator('#parameters')).to_contain_text('Undo takes back: gain from')
-    parts.tool(page, 'Undo').click()
-    expect(parts.field(page, 'gain')).to_have_value('100')
-    parts.tool(page, 'As in the file').click()
-    expect(parts.field(page, 'threshold')).to_have_value('0.5')
+    for name, field, value in (('Undo', 'gain', '100'), ('As in the file', 'threshold', '0.5')):
+        parts.tool(page, name).click()
+        expect(parts.field(page, field)).to_have_value(value)
     # A group comes, another goes, at once.
     row(page, 'groups.TP').get_by_role('button', name='Remove', exact=True).click()
     page.get_by_label('New group', exact=True).fill('T')
@@ -96,16 +94,16 @@ def test_parameters_are_set_together_refused_undone_and_saved(serve, open_page, 
     assert list(parts.config_of(served).groups) == ['TD', 'LR', 'LU', 'T']
     saved = page.locator('#tools .saved')
     expect(page.get_by_label('File', exact=True)).to_have_value('index')
-    parts.tool(page, 'Save').click()
-    expect(saved).to_contain_text(f'config:={tmp_path}/index.yaml')
-    parts.tool(page, 'Save').click()
-    expect(saved).to_contain_text('Not saved: ')
+    for words in (f'config:={tmp_path}/index.yaml', 'Not saved: '):
+        parts.tool(page, 'Save').click()
+        expect(saved).to_contain_text(words)
     page.locator('#tools .saving select').select_option('all')
     parts.tool(page, 'Replace the file').click()
     expect(saved).to_contain_text(f'fingers:=index,thumb config:={tmp_path}/index.yaml')
 
 
-def test_rest_and_slips_are_recorded_listed_tuned_on_and_deleted(played, tmp_path):
+def test_rest_and_slips_are_recorded_listed_tuned_on_and_deleted(played, tmp_path, monkeypatch):
+    monkeypatch.setattr(tuning, 'COMMAND', ('false',))
     write_recordings(tmp_path / 'index', slips=3)
     (tmp_path / 'index' / 'slip_3' / 'slip_3.mcap').write_bytes(b'no bag')
     _, page = played({'index': rest_rows()})
@@ -131,10 +129,9 @@ def test_rest_and_slips_are_recorded_listed_tuned_on_and_deleted(played, tmp_pat
     expect(parts.recording(page, 'slip_5')).to_be_visible()
     page.keyboard.up(' ')
     slip = parts.record_button(page, 'Slip')
-    slip.focus()
-    page.keyboard.press('Enter')  # Where no key can be held, one press begins it, one ends it.
+    slip.press('Enter')  # Where no key can be held, one press begins it, one ends it.
     expect(slip).to_have_attribute('aria-pressed', 'true')
-    page.keyboard.press('Enter')
+    slip.press('Enter')
     expect(parts.recording(page, 'slip_6')).to_be_visible()
     page.keyboard.press('r')
     expect(now).to_contain_text('rest_3')
@@ -143,16 +140,12 @@ def test_rest_and_slips_are_recorded_listed_tuned_on_and_deleted(played, tmp_pat
     page.keyboard.press('r')
     expect(parts.recording(page, 'rest_3')).to_be_visible()
     parts.record_button(page, 'Press').click()
-    expect(parts.record_button(page, 'Press')).to_have_attribute('aria-pressed', 'true')
+    expect(now).to_contain_text('press_1')
     page.keyboard.press('s')
     expect(parts.recording(page, 'press_1')).to_be_visible()
-    assert open_recording(tmp_path / 'index' / 'press_1').kind == 'press'
-    for bag in tmp_path.glob('index/slip_*/*.mcap'):
-        bag.write_bytes(b'no bag')
     parts.tool(page, 'Tune').click()
-    failed = page.locator('#tuning-failed')
-    expect(failed).to_contain_text(re.compile('^Tuning failed: .*too few slips'))
-    expect(failed).to_contain_text('What was recorded is kept')
+    words = re.compile('^Tuning failed: the search ended.*What was recorded is kept')
+    expect(page.locator('#tuning-failed')).to_contain_text(words)
     count = listed.count()
     for answer, left in (('dismiss', count), ('accept', count - 1)):
         page.once('dialog', lambda dialog, answer=answer: getattr(dialog, answer)())
@@ -163,10 +156,10 @@ def test_rest_and_slips_are_recorded_listed_tuned_on_and_deleted(played, tmp_pat
 def test_the_end_of_a_label_is_dragged_snapped_and_saved_beside_the_decision(played, tmp_path):
     write_recordings(tmp_path / 'index', slips=1)
     _, page = played({'index': rest_rows()})
-    trace = page.locator('.recording-trace').nth(2)
+    traces = page.locator('.recording-trace')
+    trace = traces.nth(2)
     expect(trace).to_contain_text(re.compile('ON for .* of the slip, .* of the rest'))
-    rest = page.locator('.recording-trace').first
-    expect(rest).to_contain_text(re.compile('ON for .* % of the rest'))
+    expect(traces.first).to_contain_text(re.compile('ON for .* % of the rest'))
     end = parts.slider(page, 'End of the slip in slip_1')
     by_key_s = float(end.get_attribute('aria-valuenow'))
     file = tmp_path / 'index' / 'slip_1.labels.yaml'
