@@ -101,20 +101,16 @@ def test_any_number_of_jobs_gives_the_same_figures_and_report(capsys, tmp_path):
     assert re.findall(r'<td>(\w+).npz', outputs[0][1])[:3] == ['r', 's9', 's10']
 
 
-def test_a_report_that_cannot_be_written_is_refused_before_anything_is_read(capsys, tmp_path):
-    line = complaint(capsys, tmp_path / 'not there.npz', '--report', tmp_path)
-    assert line == f'{tmp_path}: cannot be written (is no file)'
-
-
-def test_labels_that_are_not_there_are_refused_before_anything_is_read(capsys, tmp_path):
-    line = complaint(capsys, tmp_path / 'not there.npz', '--labels', tmp_path / 'no')
-    assert line == f'--labels {tmp_path / "no"}: cannot be read (No such file or directory)'
-
-
-def test_a_folder_without_recordings_is_refused_in_one_line(capsys, tmp_path):
-    assert complaint(capsys, tmp_path) == (
-        f'{tmp_path}: has no recordings, allowed: .npz, .csv, .mcap, .db3, .bag or folders of bags'
-    )
+def test_what_cannot_be_done_is_refused_in_one_line_before_anything_is_read(capsys, tmp_path):
+    recording, no_labels = tmp_path / 'not there.npz', tmp_path / 'no'
+    kinds = '.npz, .csv, .mcap, .db3, .bag or folders of bags'
+    missing = 'cannot be read (No such file or directory)'
+    for words, said in (
+        ((recording, '--report', tmp_path), f'{tmp_path}: cannot be written (is no file)'),
+        ((recording, '--labels', no_labels), f'--labels {no_labels}: {missing}'),
+        ((tmp_path,), f'{tmp_path}: has no recordings, allowed: {kinds}'),
+    ):
+        assert complaint(capsys, *words) == said
 
 
 def test_an_interrupt_leaves_what_was_evaluated(capsys, tmp_path, monkeypatch):
@@ -134,9 +130,7 @@ def test_an_interrupt_leaves_what_was_evaluated(capsys, tmp_path, monkeypatch):
 
 @pytest.mark.skipif(not XELA.is_dir(), reason=f'no recordings at {XELA}')
 def test_the_real_finger_is_told_sliding_from_holding_and_from_moving(capsys):
-    report = report_of(capsys, XELA, '--config', ROOT / 'config' / 'xela_uskin.yaml')[
-        'xela_uskin_slip'
-    ]
+    (report,) = report_of(capsys, XELA, '--config', 'xela_uskin.yaml').values()
     assert len(report['recordings']) == 7
     assert (report['rows'], report['slip_rows'], report['moving_rows']) == (2195, 196, 1512)
     # On the rows that the configuration was chosen on.
