@@ -14,7 +14,6 @@
 
 """Bags: whole, compressed, split, of ROS 1, cut off, damaged, or none at all."""
 
-import itertools
 import re
 import sqlite3
 import sys
@@ -33,7 +32,7 @@ from slip_detector.recordings.mcap import Topic
 from support.bags import JOINT_STATE, NAMES, PLUGINS, Bag, check_same, gathered, rows, save
 
 COMPRESSED = [
-    *itertools.product(PLUGINS, [CompressionMode.MESSAGE]),
+    *((plugin, CompressionMode.MESSAGE) for plugin in PLUGINS),
     (StoragePlugin.MCAP, CompressionMode.STORAGE),
 ]
 
