@@ -42,9 +42,7 @@ def truth(path, labels=''):
     return np.concatenate([piece.truth for piece in open_recording(path, config).pieces()])
 
 
-@given(
-    edges=st.lists(st.integers(0, N_ROWS), min_size=0, max_size=12, unique=True), data=st.data()
-)
+@given(edges=st.lists(st.integers(0, N_ROWS), max_size=12, unique=True), data=st.data())
 def test_a_row_has_slip_from_a_start_up_to_its_end(tmp_path_factory, edges, data):
     edges = sorted(edges)[: len(edges) // 2 * 2]
     pairs = list(zip(edges[::2], edges[1::2], strict=True))
@@ -61,9 +59,7 @@ def test_a_row_has_slip_from_a_start_up_to_its_end(tmp_path_factory, edges, data
     np.testing.assert_array_equal(truth(folder / 'a.npz'), wanted)
 
 
-def test_a_file_beside_the_recording_or_in_a_folder_goes_before_what_the_recording_says(
-    tmp_path, recording
-):
+def test_a_file_beside_it_or_in_a_folder_goes_before_what_a_recording_says(tmp_path, recording):
     assert not truth(recording).any()
     (tmp_path / 'trial.labels.yaml').write_text('slip_s: [[1, 2]]')
     assert truth(recording).sum() == 100
