@@ -44,13 +44,11 @@ def test_nothing_is_left_to_be_compiled_when_other_commands_run(tmp_path, capsys
         paths.append(str(path))
     assert evaluate(paths) == 0
     assert tune([*paths, '--trials', '3', '--out', str(tmp_path / 'tuned.yaml')]) == 0
-    grip = open_source(DriverConfig(source='scene', scene='grasp'))
-    grip.obey(3.0)
-    grip.read(10)
-    obedient = open_source(DriverConfig(source='scene', scene='obedient'))
-    for order in ORDERS:
-        obedient.obey(order)
-        obedient.read(10)
+    for scene, orders in (('grasp', [3.0]), ('obedient', ORDERS)):
+        obedient = open_source(DriverConfig(source='scene', scene=scene))
+        for order in orders:
+            obedient.obey(order)
+            obedient.read(10)
     capsys.readouterr()
     assert compiled_signatures() == before
 
