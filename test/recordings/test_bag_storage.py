@@ -70,15 +70,6 @@ def test_a_bag_whose_file_was_compressed_is_refused_with_the_command_that_unpack
     assert not damage
 
 
-def test_a_bag_of_ros_1_is_read_with_names_and_truth(tmp_path):
-    written = rows(300)
-    with Bag(tmp_path / 'a.bag') as bag:
-        bag.write_rows(written, '/left')
-    recording = open_recording(tmp_path / 'a.bag')
-    assert recording.channel_names == NAMES
-    check_same(gathered(recording), written)
-
-
 def split_bag(folder, numbers, ending):
     """Write a bag of several files with 300 rows each; return all rows and its folder."""
     written = rows(300 * len(numbers))
@@ -140,14 +131,16 @@ def test_without_checksums_a_record_that_is_longer_than_its_chunk_is_seen(tmp_pa
 
 @pytest.mark.parametrize('ending', ['.db3', '.bag'])
 @pytest.mark.parametrize('tail', [0, 100_000])
-def test_of_a_bag_whose_end_is_lost_or_zero_the_beginning_is_read(tmp_path, ending, tail):
+def test_a_database_or_bag_of_ros_1_is_read_up_to_where_it_is_lost_or_zero(tmp_path, ending, tail):
     written, path = rows(900), tmp_path / f'a{ending}'
     if ending == '.bag':
         with Bag(path) as bag:
-            bag.write_rows(written)
+            bag.write_rows(written, '/left')
     else:
         save(path, written)
-    content = path.read_bytes()
+    whole, content = open_recording(path), path.read_bytes()
+    assert whole.channel_names == NAMES
+    check_same(gathered(whole), written)
     for share in np.linspace(0.0, 1.0, 9)[:-1]:
         path.write_bytes(content[: int(share * len(content))] + bytes(tail))
         if ending == '.bag' or share < 0.2:

@@ -36,9 +36,9 @@ from support.recorded import VOLTS, complaint, read_recording, save_rows
 def test_keys_are_taken_from_the_configuration(tmp_path):
     path = tmp_path / 'a.npz'
     np.savez(path, tactile=VOLTS, fs=60.0, label=[1, 0, 0], slip=[0, 0, 1])
-    keys = {'volts': 'tactile', 'rate': 'fs', 'truth': 'label'}
-    keys = RecordingConfig(**{f'recording_{part}_key': key for part, key in keys.items()})
-    recording, rows = read_recording(path, keys)
+    keys = {'recording_volts_key': 'tactile', 'recording_rate_key': 'fs'}
+    config = RecordingConfig(**keys, recording_truth_key='label')
+    recording, rows = read_recording(path, config)
     assert recording.sample_rate_hz == 60.0
     np.testing.assert_array_equal(rows.truth, [True, False, False])
 
