@@ -14,7 +14,6 @@
 
 """The command ``slip_compile``: it compiles all that any other command or node needs."""
 
-import numpy as np
 import pytest
 
 from slip_detector.commands import compile as command
@@ -22,6 +21,7 @@ from slip_detector.commands.evaluate import main as evaluate
 from slip_detector.commands.tune import main as tune
 from slip_detector.compiled import COMPILED
 from slip_detector.parameters.driver import DriverConfig
+from slip_detector.recordings import write_recording
 from slip_detector.scenes.motion import ORDERS
 from slip_detector.sources import open_source
 from support.compiled_signatures import compiled_signatures
@@ -39,20 +39,16 @@ def test_nothing_is_left_to_be_compiled_when_other_commands_run(tmp_path, capsys
     paths = []
     for seed in range(2):
         source = open_source(DriverConfig(source='scene', seed=seed))
-        samples = source.read(3000)
         path = tmp_path / f'trial_{seed}.npz'
-        rate_hz = source.sample_rate_hz
-        np.savez(path, volts=samples.volts, slip=samples.truth, sample_rate_hz=rate_hz)
+        write_recording(path, [source.read(3000)], source.sample_rate_hz, source.channel_names)
         paths.append(str(path))
     assert evaluate(paths) == 0
     assert tune([*paths, '--trials', '3', '--out', str(tmp_path / 'tuned.yaml')]) == 0
-    grip = open_source(DriverConfig(source='scene', scene='grasp'))
-    grip.obey(3.0)
-    grip.read(10)
-    obedient = open_source(DriverConfig(source='scene', scene='obedient'))
-    for order in ORDERS:
-        obedient.obey(order)
-        obedient.read(10)
+    for scene, orders in (('grasp', [3.0]), ('obedient', ORDERS)):
+        obedient = open_source(DriverConfig(source='scene', scene=scene))
+        for order in orders:
+            obedient.obey(order)
+            obedient.read(10)
     capsys.readouterr()
     assert compiled_signatures() == before
 

@@ -48,22 +48,18 @@ def test_json_has_the_figures_of_each_recording_of_each_set_and_of_all(capsys, t
     assert re.search(rows, shown, re.M)
 
 
-@pytest.mark.parametrize('jobs', ['1', '2'])
-def test_what_cannot_be_used_of_a_folder_and_those_in_it_is_left_out_with_a_line(
-    capsys, tmp_path, jobs
-):
+def test_what_cannot_be_used_of_a_folder_or_one_in_it_is_left_out_with_a_line(capsys, tmp_path):
     write(tmp_path / 'a.npz')
     write(tmp_path / 'in' / 'b.npz')
     write(tmp_path / 'other.npz', channels=3)
     (tmp_path / 'broken.npz').write_text('time_s,a')
-    words = [str(tmp_path), '--jobs', jobs]
-    assert main(words) == 0
+    assert main([str(tmp_path)]) == 0
     said = capsys.readouterr().out.splitlines()
     wrong = 'has 3 channels, allowed: 16, the parameter channels'
     assert f'Left out: {tmp_path / "other.npz"}: {wrong}' in said
     broken = f'{tmp_path / "broken.npz"}: is cut off, or no npz, allowed: what numpy.savez writes'
     assert f'Left out: {broken}' in said
-    assert main([*words, '--json']) == 0
+    assert main([str(tmp_path), '--json']) == 0
     report = json.loads(capsys.readouterr().out)
     assert list(report['sets']) == [tmp_path.name, 'in']
     assert report['left_out'][wrong] == [str(tmp_path / 'other.npz')]
@@ -88,33 +84,33 @@ def test_decisions_that_mean_nothing_are_warned_of_in_line_json_and_report(capsy
 
 
 def test_any_number_of_jobs_gives_the_same_figures_and_report(capsys, tmp_path):
-    paths = [write(tmp_path / f'{name}.npz', seed) for seed, name in enumerate(('s10', 's9', 'r'))]
+    for seed, name in enumerate(('s10', 's9', 'r')):
+        write(tmp_path / f'{name}.npz', seed)
+    (tmp_path / 'broken.npz').touch()
     outputs, page = [], tmp_path / 'page.html'
     for jobs in ('1', '2'):
-        words = [*map(str, paths), '--jobs', jobs, '--json', '--report', str(page)]
+        words = [str(tmp_path), '--jobs', jobs, '--json', '--report', str(page)]
         assert main(words) == 0
         shown = capsys.readouterr()
         assert shown.err == ''
-        assert json.loads(shown.out)['written'] == [str(page)]
+        report = json.loads(shown.out)
+        assert report['written'] == [str(page)]
+        assert [*report['left_out'].values()] == [[str(tmp_path / 'broken.npz')]]
         outputs.append((shown.out, re.sub(r'[\d-]+ [\d:]+ UTC', '', page.read_text('utf-8'))))
     assert outputs[1] == outputs[0]
     assert re.findall(r'<td>(\w+).npz', outputs[0][1])[:3] == ['r', 's9', 's10']
 
 
-def test_a_report_that_cannot_be_written_is_refused_before_anything_is_read(capsys, tmp_path):
-    line = complaint(capsys, tmp_path / 'not there.npz', '--report', tmp_path)
-    assert line == f'{tmp_path}: cannot be written (is no file)'
-
-
-def test_labels_that_are_not_there_are_refused_before_anything_is_read(capsys, tmp_path):
-    line = complaint(capsys, tmp_path / 'not there.npz', '--labels', tmp_path / 'no')
-    assert line == f'--labels {tmp_path / "no"}: cannot be read (No such file or directory)'
-
-
-def test_a_folder_without_recordings_is_refused_in_one_line(capsys, tmp_path):
-    assert complaint(capsys, tmp_path) == (
-        f'{tmp_path}: has no recordings, allowed: .npz, .csv, .mcap, .db3, .bag or folders of bags'
-    )
+def test_what_cannot_be_done_is_refused_in_one_line_before_anything_is_read(capsys, tmp_path):
+    recording, no_labels = tmp_path / 'not there.npz', tmp_path / 'no'
+    kinds = '.npz, .csv, .mcap, .db3, .bag or folders of bags'
+    missing = 'cannot be read (No such file or directory)'
+    for words, said in (
+        ((recording, '--report', tmp_path), f'{tmp_path}: cannot be written (is no file)'),
+        ((recording, '--labels', no_labels), f'--labels {no_labels}: {missing}'),
+        ((tmp_path,), f'{tmp_path}: has no recordings, allowed: {kinds}'),
+    ):
+        assert complaint(capsys, *words) == said
 
 
 def test_an_interrupt_leaves_what_was_evaluated(capsys, tmp_path, monkeypatch):
@@ -134,9 +130,7 @@ def test_an_interrupt_leaves_what_was_evaluated(capsys, tmp_path, monkeypatch):
 
 @pytest.mark.skipif(not XELA.is_dir(), reason=f'no recordings at {XELA}')
 def test_the_real_finger_is_told_sliding_from_holding_and_from_moving(capsys):
-    report = report_of(capsys, XELA, '--config', ROOT / 'config' / 'xela_uskin.yaml')[
-        'xela_uskin_slip'
-    ]
+    (report,) = report_of(capsys, XELA, '--config', 'xela_uskin.yaml').values()
     assert len(report['recordings']) == 7
     assert (report['rows'], report['slip_rows'], report['moving_rows']) == (2195, 196, 1512)
     # On the rows that the configuration was chosen on.

@@ -166,16 +166,15 @@ def test_a_slide_in_what_the_driver_sends_is_found(tmp_path, capsys, sensor):
     rows = volts(config, dtype)
     if name == 'wuji_hand':
         rows[:, ::3] = np.nan
-    assert config.input_type.rpartition('/')[2] == [*definitions][-1].rpartition('/')[2]
+    *_, msgtype = definitions
+    assert config.input_type.rpartition('/')[2] == msgtype.rpartition('/')[2]
     period_ns = 1e9 / config.sample_rate_hz
     per_message = 20 if '[:]' in config.input_field else 1
     path = tmp_path / ('bag.bag' if is_ros1 else 'bag')
     with Bag(path, definitions=[pair for pair in definitions.items() if pair[1]]) as bag:
         for last in range(per_message - 1, len(rows), per_message):
             columns = rows[last - per_message + 1 : last + 1].T
-            message = filled(
-                made(bag, [*definitions][-1]), config.input_field.split(', '), columns
-            )
+            message = filled(made(bag, msgtype), config.input_field.split(', '), columns)
             stamp_ns = START_NS + round(last * period_ns)
             if hasattr(message, 'header'):
                 message.header = bag.header(stamp_ns)

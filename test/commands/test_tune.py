@@ -15,7 +15,7 @@
 """``slip_tune``: the files that it writes, studies that go on, what it refuses, how it ends."""
 
 import contextlib
-import importlib
+import pkgutil
 import signal
 import sys
 from pathlib import Path
@@ -110,36 +110,32 @@ def test_an_interrupt_keeps_what_was_found_and_the_same_command_goes_on(case):
     assert len(trials_of(journal(store))) == before + 2
 
 
-#: Where an interrupt comes: the module, the function, and whether there is something to keep.
+#: Where an interrupt comes: the function, and whether there is something to keep.
 PHASES = [
-    ('slip_detector.tuning.tracks', 'load_tracks', False),
-    ('slip_detector.tuning.verdict', 'contradictions', False),
-    ('slip_detector.tuning.verdict', 'Study', False),
-    ('slip_detector.tuning.verdict', 'judge', True),
-    ('slip_detector.report.page', 'replay_variant', True),
-    ('slip_detector.commands.tune', 'write_yaml', True),
-    ('slip_detector.report.page', 'write_page', True),
+    ('slip_detector.tuning.tracks.load_tracks', False),
+    ('slip_detector.tuning.verdict.contradictions', False),
+    ('slip_detector.tuning.verdict.Study', False),
+    ('slip_detector.tuning.verdict.judge', True),
+    ('slip_detector.report.page.replay_variant', True),
+    ('slip_detector.commands.tune.write_yaml', True),
+    ('slip_detector.report.page.write_page', True),
 ]
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize(('module', 'name', 'kept'), PHASES)
-def test_an_interrupt_at_any_moment_keeps_what_was_found(
-    module, name, kept, number, case, monkeypatch
-):
+@pytest.mark.parametrize(('name', 'kept'), PHASES)
+def test_an_interrupt_at_any_moment_keeps_what_was_found(name, kept, number, case, monkeypatch):
     folder, words = case
-    of, left = importlib.import_module(module), [number]
-    function = getattr(of, name)
+    function, left = pkgutil.resolve_name(name), [number]
 
     def interrupted(*args, **kwargs):
         while left:
             signal.raise_signal(left.pop())
         return function(*args, **kwargs)
 
-    monkeypatch.setattr(of, name, interrupted)
+    monkeypatch.setattr(name, interrupted)
     files = [folder / 'out.yaml', folder / 'report.html']
-    end = contextlib.nullcontext() if kept else pytest.raises(KeyboardInterrupt)
-    with end:
+    with contextlib.nullcontext() if kept else pytest.raises(KeyboardInterrupt):
         run(*words, '--out', files[0], '--report', files[1], '--trials', 3)
     assert [file.exists() for file in files] == [kept, kept]
 

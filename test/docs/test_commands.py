@@ -32,6 +32,7 @@ from unittest import mock
 import numpy as np
 import pytest
 
+from slip_detector.recordings import write_recording
 from slip_detector.scenes import find_scene, load_scene
 from support.pages import PAGES, ROOT, blocks, file_name, identifier
 from support.python_runs import run_python
@@ -168,12 +169,8 @@ def bags(tmp_path_factory):
     for scene_name in ('plate_400um', 'plate_440um', 'taps'):
         scene = load_scene(find_scene(scene_name), np.random.default_rng(0))
         samples = scene.read(10_000)
-        np.savez(
-            folder / f'{scene_name}.npz',
-            volts=samples.volts,
-            slip=samples.truth,
-            sample_rate_hz=scene.sample_rate_hz,
-        )
+        path = folder / f'{scene_name}.npz'
+        write_recording(path, [samples], scene.sample_rate_hz, scene.channel_names)
     return folder
 
 

@@ -33,11 +33,6 @@ from slip_detector.parameters.detector import DetectorConfig
 pytestmark = pytest.mark.nodes
 
 INFO = {'source_timestamp': 7, 'publication_sequence_number': 3}
-FIELDS = {
-    'sensor_msgs/msg/JointState': 'position',
-    'std_msgs/msg/Float32MultiArray': 'data',
-    'geometry_msgs/msg/WrenchStamped': 'wrench.force.z, wrench.torque.x',
-}
 
 
 def joint_state(position=(1.0, 2.0), name=('a', 'bc'), frame_id='tip', sec=5):
@@ -46,28 +41,30 @@ def joint_state(position=(1.0, 2.0), name=('a', 'bc'), frame_id='tip', sec=5):
     return message
 
 
-def batch(dims, data):
-    dims = [MultiArrayDimension(label=label, size=size) for label, size in dims]
-    return Float32MultiArray(data=data, layout=MultiArrayLayout(dim=dims))
+def batch(**sizes):
+    dims = [MultiArrayDimension(label=label, size=size) for label, size in sizes.items()]
+    return Float32MultiArray(data=[1.0, 2.0, 3.0, 4.0], layout=MultiArrayLayout(dim=dims))
 
 
-SOUND = {
-    'sensor_msgs/msg/JointState': [
-        serialize_message(message)
-        for message in (joint_state(), joint_state(frame_id=''), joint_state([], []))
-    ],
-    'std_msgs/msg/Float32MultiArray': [
-        serialize_message(batch(dims, [1.0, 2.0, 3.0, 4.0]))
-        for dims in ([], [('sample', 2), ('channel', 2)], [('channel', 2**31), ('sample', 2**31)])
-    ],
-    'geometry_msgs/msg/WrenchStamped': [serialize_message(WrenchStamped())],
+#: By type the field that is read, and messages.
+READ = {
+    'sensor_msgs/msg/JointState': (
+        'position',
+        [joint_state(), joint_state(frame_id=''), joint_state([], [])],
+    ),
+    'std_msgs/msg/Float32MultiArray': (
+        'data',
+        [batch(), batch(sample=2, channel=2), batch(channel=2**31, sample=2**31)],
+    ),
+    'geometry_msgs/msg/WrenchStamped': ('wrench.force.z, wrench.torque.x', [WrenchStamped()]),
 }
+SOUND = {kind: [serialize_message(each) for each in some] for kind, (_, some) in READ.items()}
 
 
 def check(case):
     """Read messages one after the other: each as rclpy reads it, whatever came before."""
     kind, messages = case
-    source = Input(DetectorConfig(input_type=kind, input_field=FIELDS[kind]))
+    source = Input(DetectorConfig(input_type=kind, input_field=READ[kind][0]))
     for raw in messages:
         if kind != 'sensor_msgs/msg/JointState':
             assert source.read(raw, INFO)[0].volts.ndim == 2

@@ -79,13 +79,12 @@ def check_packets(pieces):
     assert whole.counts == piecewise.counts
 
 
-def overlapping():
-    """Packets whose samples overlap in time, each in order of its own."""
-    return [
-        (on_the_line(*(numbered(k, 1500 * k, samples=4) for k in range(8))), 0),
-        (on_the_line(numbered(8, 12_000, 1, 7)), 1),
-    ]
+#: Packets whose samples overlap in time, each in order of its own.
+OVERLAPPING = [
+    (on_the_line(*(numbered(k, 1500 * k, samples=4) for k in range(8))), 0),
+    (on_the_line(numbered(8, 12_000, 1, 7)), 1),
+]
 
 
 def test_any_stream_gives_the_same_samples_however_it_is_cut_and_its_stamps_rise():
-    fuzz(streams(), check_packets, corpus=[overlapping(), [(b'', 0)]], few=60)
+    fuzz(streams(), check_packets, corpus=[OVERLAPPING, [(b'', 0)]], few=60)

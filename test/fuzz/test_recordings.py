@@ -38,15 +38,6 @@ CONFIG = RecordingConfig(recording_limit_mb=8.0)
 MOST_BYTES = 1_000_000_000
 
 
-def write_some(folder):
-    """Write a recording of each kind; return the files by how their paths end."""
-    for ending in ENDINGS:
-        write_recording(folder / f'some{ending}', [rows(60)], 380.0, NAMES)
-    return {
-        ending: Path(f'{folder}/some{ending}') for ending in (*filter(None, ENDINGS), METADATA)
-    }
-
-
 def npz(**arrays):
     """Return an npz; arrays may be given as the bytes of their npy."""
     buffer = io.BytesIO()
@@ -99,7 +90,10 @@ def corpus(found):
 
 
 def test_any_bytes_are_read_or_refused_in_one_line_and_never_take_much_memory(tmp_path):
-    paths = write_some(tmp_path)
+    for ending in ENDINGS:
+        write_recording(tmp_path / f'some{ending}', [rows(60)], 380.0, NAMES)
+    endings = *filter(None, ENDINGS), METADATA
+    paths = {ending: Path(f'{tmp_path}/some{ending}') for ending in endings}
     found = {ending: path.read_bytes() for ending, path in paths.items()}
 
     def check(case):

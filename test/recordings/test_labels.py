@@ -42,9 +42,7 @@ def truth(path, labels=''):
     return np.concatenate([piece.truth for piece in open_recording(path, config).pieces()])
 
 
-@given(
-    edges=st.lists(st.integers(0, N_ROWS), min_size=0, max_size=12, unique=True), data=st.data()
-)
+@given(edges=st.lists(st.integers(0, N_ROWS), max_size=12, unique=True), data=st.data())
 def test_a_row_has_slip_from_a_start_up_to_its_end(tmp_path_factory, edges, data):
     edges = sorted(edges)[: len(edges) // 2 * 2]
     pairs = list(zip(edges[::2], edges[1::2], strict=True))
@@ -61,9 +59,7 @@ def test_a_row_has_slip_from_a_start_up_to_its_end(tmp_path_factory, edges, data
     np.testing.assert_array_equal(truth(folder / 'a.npz'), wanted)
 
 
-def test_a_file_beside_the_recording_or_in_a_folder_goes_before_what_the_recording_says(
-    tmp_path, recording
-):
+def test_a_file_beside_it_or_in_a_folder_goes_before_what_a_recording_says(tmp_path, recording):
     assert not truth(recording).any()
     (tmp_path / 'trial.labels.yaml').write_text('slip_s: [[1, 2]]')
     assert truth(recording).sum() == 100
@@ -73,7 +69,11 @@ def test_a_file_beside_the_recording_or_in_a_folder_goes_before_what_the_recordi
     assert truth(recording, folder).sum() == 200
     assert open_recording(recording).has_truth
     assert find_labels('', tmp_path / 'other.mcap') is None
-    assert find_labels(str(folder), tmp_path / 'trial') == folder / 'trial.labels.yaml'
+    # A dot in the name of a folder is no ending.
+    bag, labels = tmp_path / 'push_0.5N', tmp_path / 'push_0.5N.labels.yaml'
+    bag.mkdir()
+    labels.touch()
+    assert find_labels('', bag) == find_labels(str(tmp_path), bag) == labels
     with pytest.raises(ValueError, match=r'other\.labels\.yaml: cannot be read \(No such file'):
         open_recording(tmp_path / 'other.mcap', RecordingConfig(recording_labels=str(folder)))
 
@@ -107,20 +107,12 @@ PAIRS = ', allowed: slip_s: [[start, end], ...] in seconds, or kind'
         ('slip_s:\n- [1, 2]\n- [3, 3]', ': the slip [3, 3] s is not allowed'),
         ('slip_s:\n- [1, .nan]', ': the slip [1, nan] s is not allowed'),
         ('slips:\n- [1, 2]', ': has the key slips, allowed: slip_s, accuracy_s, kind, mistaken'),
-        (
-            'slip_s: []\nunit: ms',
-            ': has the key unit, allowed: slip_s, accuracy_s, kind, mistaken',
-        ),
         ('mistaken: 1', ': mistaken is 1, allowed: true, false'),
-        (
-            'kind: [press]\nslip_s: []',
-            ": kind is ['press'], allowed: rest, taps, press, roll",
-        ),
+        ('kind: [press]', ": kind is ['press'], allowed: rest, taps, press, roll"),
         ('kind: press\nslip_s: [[1, 2]]', ': has slips, allowed: none in a recording of the kind'),
         ('slip_s:\n- [1, two]', f": slip_s is [[1, 'two']]{PAIRS}"),
         ('slip_s:\n- [1, [2]]', f': slip_s is [[1, [2]]]{PAIRS}'),
         ('{}', f': has no slip_s{PAIRS}'),
-        ('slip_s:\n- [1, 1:40]', ': line 2: 1:40 is not what it looks like'),
         ('- [1, 2]', ': is not a YAML file of names and values'),
     ],
 )
@@ -128,13 +120,6 @@ def test_what_is_wrong_is_named(tmp_path, recording, text, said):
     path = tmp_path / 'mine.yaml'
     path.write_text(text)
     assert message_of(truth, recording, path).startswith(f'{path}{said}')
-
-
-def test_a_dot_in_the_name_of_a_folder_is_no_ending(tmp_path):
-    recording, labels = tmp_path / 'push_0.5N', tmp_path / 'push_0.5N.labels.yaml'
-    recording.mkdir()
-    labels.write_text('slip_s: []')
-    assert find_labels('', recording) == find_labels(str(tmp_path), recording) == labels
 
 
 def noise(rows, channels, seed):

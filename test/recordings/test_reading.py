@@ -26,20 +26,19 @@ from slip_detector.recordings import (
     array_recordings,
     bag_recording,
     group_recordings,
-    is_recording,
     open_recording,
     write_recording,
 )
 from support.config_cases import message_of
-from support.recorded import VOLTS, complaint, read_recording
+from support.recorded import VOLTS, complaint, read_recording, save_rows
 
 
 def test_keys_are_taken_from_the_configuration(tmp_path):
     path = tmp_path / 'a.npz'
     np.savez(path, tactile=VOLTS, fs=60.0, label=[1, 0, 0], slip=[0, 0, 1])
-    keys = {'volts': 'tactile', 'rate': 'fs', 'truth': 'label'}
-    keys = RecordingConfig(**{f'recording_{part}_key': key for part, key in keys.items()})
-    recording, rows = read_recording(path, keys)
+    keys = {'recording_volts_key': 'tactile', 'recording_rate_key': 'fs'}
+    config = RecordingConfig(**keys, recording_truth_key='label')
+    recording, rows = read_recording(path, config)
     assert recording.sample_rate_hz == 60.0
     np.testing.assert_array_equal(rows.truth, [True, False, False])
 
@@ -63,35 +62,25 @@ def test_a_pipe_or_a_device_is_no_recording_and_no_file_of_labels(tmp_path, endi
     device.symlink_to('/dev/zero')
     for path in (pipe, device):
         recording = path.with_name(path.name.replace('.labels.yaml', '.npz'))
-        for labels in {'', str(path) if recording != path else ''}:
-            config = RecordingConfig(recording_labels=labels)
+        for config in (None, RecordingConfig(recording_labels=str(path))):
             message = message_of(open_recording, recording, config)
             assert message == f'{path}: is no file, allowed: a file'
 
 
-def test_a_recording_is_known_by_its_ending_or_its_metadata_or_the_first_file_of_a_bag(tmp_path):
-    assert is_recording(tmp_path / 'a.db3')
-    assert not is_recording(tmp_path)
-    (tmp_path / 'metadata.yaml').touch()
-    assert is_recording(tmp_path)
-    # A bag whose recorder was killed has no metadata.
-    (tmp_path / 'w').mkdir()
-    (tmp_path / 'w' / 'w_0.mcap').touch()
-    assert is_recording(tmp_path / 'w')
-
-
 def test_the_recordings_of_a_folder_and_of_the_folders_in_it_are_sets(tmp_path):
-    for name in ('x/b10.npz', 'x/b9.csv', 'x/notes.txt', 'y/c.npz', 'z/x/d.npz', 'z/w/w_0.mcap'):
+    # A bag has metadata; one whose recorder was killed has not.
+    bags = 'z/v/metadata.yaml', 'z/w/w_0.mcap'
+    for name in ('x/b10.npz', 'x/b9.csv', 'x/notes.txt', 'y/c.db3', 'z/x/d.npz', *bags):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
     x, y, z = (tmp_path / name for name in 'xyz')
-    assert group_recordings([z]) == {'z': [z / 'w'], 'x': [z / 'x' / 'd.npz']}
+    assert group_recordings([z]) == {'z': [z / 'v', z / 'w'], 'x': [z / 'x' / 'd.npz']}
     # Numbers count by their value, and what is given twice is there once.
-    given_files = [x / 'b10.npz', y / 'c.npz', x / 'b9.csv', y / '..' / 'x' / 'b10.npz', y]
+    given_files = [x / 'b10.npz', y / 'c.db3', x / 'b9.csv', y / '..' / 'x' / 'b10.npz', y]
     sets = {
         name: [file.name for file in some] for name, some in group_recordings(given_files).items()
     }
-    assert sets == {'x': ['b9.csv', 'b10.npz'], 'y': ['c.npz']}
+    assert sets == {'x': ['b9.csv', 'b10.npz'], 'y': ['c.db3']}
     # Two folders of one name are told apart.
     assert list(group_recordings([x, y, z / 'x'])) == [str(x), 'y', str(z / 'x')]
     said = 'cannot be read (No such file or directory)'
@@ -105,26 +94,19 @@ def test_memory_does_not_grow_with_the_length(tmp_path, monkeypatch, ending):
     for module in (bag_recording, array_recordings):
         monkeypatch.setattr(module, 'PIECE_ROWS', 2048)
 
-    def written(n):
+    def peak(n):
         path = tmp_path / f'{n}{ending}'
         volts = 4.3 + 1e-3 * np.random.default_rng(0).standard_normal((n, 4))
         samples = Samples(volts, np.arange(n) * 2_500_000, np.arange(n) % 200 < 100)
         write_recording(path, [samples], 400.0, 'abcd')
-        return path
-
-    def rows_of(path):
-        return sum(len(piece.volts) for piece in open_recording(path).pieces())
-
-    def peak(n):
-        path = written(n)
         tracemalloc.start()
-        count = rows_of(path)
+        count = sum(len(piece.volts) for piece in open_recording(path).pieces())
         most = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         assert count == n
         return most
 
-    rows_of(written(100))  # What is loaded and kept once.
+    peak(100)  # What is loaded and kept once.
     short, long = peak(7500), peak(25_000)
     assert long < 1.2 * short
 
@@ -132,25 +114,21 @@ def test_memory_does_not_grow_with_the_length(tmp_path, monkeypatch, ending):
 SMALL = RecordingConfig(recording_limit_mb=20.0, recording_resample=True)
 
 
+#: Rows of which a tenth come 90 ms apart: such gaps are bridged.
+BRIDGED_NS = np.cumsum(np.repeat([1000, 90_000_000], [900, 100]))
+
+
 @pytest.mark.parametrize(
-    ('arrays', 'what'),
+    ('n', 'stamps_ns', 'rate_hz', 'what'),
     [
-        ({'volts': np.zeros((200_000, 16)), 'sample_rate_hz': 380.0}, 'volts takes 26 MB'),
-        (  # bridged up to 0.1 s
-            {
-                'volts': np.zeros((1000, 16)),
-                'sample_rate_hz': 1e6,
-                'stamps_ns': np.cumsum(np.repeat([1000, 90_000_000], [900, 100])),
-            },
-            'what bridges the gaps takes',
-        ),
-        ({'volts': np.zeros((1000, 16)), 'sample_rate_hz': 10.0}, 'a stretch to resample takes'),
+        (200_000, None, 380.0, 'volts takes 26 MB'),
+        (1000, BRIDGED_NS, 1e6, 'what bridges the gaps takes'),
+        (1000, None, 10.0, 'a stretch to resample takes'),
     ],
 )
-def test_what_is_larger_than_the_limit_is_refused(tmp_path, arrays, what):
-    path = tmp_path / 'a.npz'
-    np.savez(path, **arrays)
-    with pytest.raises(
-        ValueError, match=rf'^{path}: {what}.*allowed: 20 MB \(recording_limit_mb\)'
-    ):
-        next(open_recording(path, SMALL).pieces(max(10_000.0, arrays['sample_rate_hz'])))
+def test_what_is_larger_than_the_limit_is_refused(tmp_path, n, stamps_ns, rate_hz, what):
+    path = save_rows(tmp_path / 'a.npz', np.zeros((n, 16)), stamps_ns, rate_hz)
+    chain_hz = max(10_000.0, rate_hz)
+    said = message_of(lambda: next(open_recording(path, SMALL).pieces(chain_hz)))
+    assert said.startswith(f'{path}: {what}')
+    assert 'allowed: 20 MB (recording_limit_mb)' in said

@@ -47,12 +47,12 @@ class InPieces(Recording):
             yield self._samples.take(slice(first, first + self._piece_rows))
 
 
+#: Periods from one stamp to the next.
+STEPS = st.sampled_from([1, 1, 1, 1, 1.3, 0.7, 2, 4, 9, 10.4, 11, 50, 0, -1, -3, -100])
+
+
 @given(
-    steps=st.lists(
-        st.sampled_from([1, 1, 1, 1, 1.3, 0.7, 2, 4, 9, 10.4, 11, 50, 0, -1, -3, -100]),
-        min_size=1,
-        max_size=60,
-    ),
+    steps=st.lists(STEPS, min_size=1, max_size=60),
     piece_rows=st.integers(1, 12),
     max_gap_s=st.sampled_from([0.0, 0.05, 0.1]),
 )
