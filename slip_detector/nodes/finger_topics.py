@@ -177,8 +177,6 @@ class FingerTopics(PolledTopics):
         """Append the detector's levels and decisions to the track."""
         if not messages:
             return
-        # The detector has samples, even if their volts cannot be shown.
-        self.finger.sample_s = time.monotonic()
         slip = np.array([find_state(self._slip, info['source_timestamp']) for _, info in messages])
         raws = [raw for raw, _ in messages]
         try:
@@ -187,4 +185,6 @@ class FingerTopics(PolledTopics):
             return
         channels_on = decided.volts > 0.0
         if levels.volts.shape == channels_on.shape == (len(messages), self._config.channels):
+            # The detector has samples, even if their volts cannot be shown.
+            self.finger.sample_s = time.monotonic()
             self.finger.track.add_levels(levels.stamps_ns, levels.volts, channels_on, slip)
