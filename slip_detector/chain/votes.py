@@ -133,12 +133,11 @@ def _find_averages(volts, start, rows, plan, valid, tiles, take_median):
     """Write the mean or median of the channels that have begun to ``common_v``, else NaN."""
     deviations, members, counts = plan.by_channel, plan.members, plan.statistics
     for c in range(valid.size):
-        first, row = tiles[c // LANES, layout.FIRST, c % LANES], FIRST_ROW
+        first = tiles[c // LANES, layout.FIRST, c % LANES]
+        there = NO_ROW if np.isnan(first) else valid[c]
         for k in range(rows):
             deviation = volts[start + k, c] - first
-            there = valid[c] & row and not np.isnan(first)
-            deviations[c, k] = deviation if there else -np.inf
-            row = row << FIRST_ROW
+            deviations[c, k] = deviation if (there >> np.uint64(k)) & FIRST_ROW else -np.inf
     for k in range(0, rows, LANES):
         count, total = spread(0.0), spread(0.0)
         for c in range(valid.size):
