@@ -16,8 +16,6 @@
 
 import os
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -29,6 +27,7 @@ from slip_detector.chain.filters import SETTLED, design, settling_rows
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 from support.config_cases import message_of
+from support.python_runs import run_python
 
 RATE = 380.0
 
@@ -46,8 +45,8 @@ slip_detector.chain.slip_chain.SlipChain()
 @pytest.mark.parametrize('cache', [{}, {'XDG_CACHE_HOME': 'relative'}])
 def test_a_user_without_a_home_needs_none_and_nothing_is_left_where_he_is(tmp_path, cache):
     environment = {name: value for name, value in os.environ.items() if name != 'HOME'}
-    words = [sys.executable, '-B', '-c', NOBODY]
-    subprocess.run(words, check=True, cwd=tmp_path, env={**environment, **cache})
+    done = run_python('-B', '-c', NOBODY, cwd=tmp_path, env={**environment, **cache})
+    assert done.returncode == 0, done.stderr
     assert list(tmp_path.iterdir()) == []
 
 
