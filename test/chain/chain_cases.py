@@ -21,18 +21,6 @@ import numpy as np
 
 from slip_detector.parameters.detector import ChainConfig
 
-# A small chain that is quick to settle, for the hand-made cases.
-FAST = {
-    'sample_rate_hz': 400.0,
-    'passband_hz': (20.0, 100.0),
-    'stopbands_hz': (),
-    'gain': 1.0,
-    'exponent': 1,
-    'flat_after_s': 0.0,
-    'envelope_window_s': 0.04,
-    'decision_window_s': 0.04,
-}
-
 
 def bits(*results):
     """Return the bits of all that consecutive results have, by name."""
@@ -49,8 +37,15 @@ def noise(seed, *shape):
 
 #: A quick chain whose envelope is 1 for a sine of 1 V within its band, after a few rows.
 QUICK_EVIDENCE = ChainConfig(
-    **FAST | {'envelope_window_s': 0.02},
+    sample_rate_hz=400.0,
     channels=4,
+    passband_hz=(20.0, 100.0),
+    stopbands_hz=(),
+    gain=1.0,
+    exponent=1,
+    flat_after_s=0.0,
+    envelope_window_s=0.02,
+    decision_window_s=0.04,
     decision='evidence',
     noise_floor=0.01,
     threshold=0.1,

@@ -41,6 +41,7 @@ from slip_detector.vectors import (
     store,
 )
 from support.limits import full_disk
+from support.python_runs import run_python
 
 PACKAGE = Path(compiled.__file__).parent
 
@@ -130,7 +131,7 @@ def test_a_change_in_another_file_is_compiled_into_what_calls_it(package):
     assert package.run() == ['-1.0', '0']
 
 
-@pytest.mark.skipif(not compiled.COMPILED, reason='without Numba nothing is compiled')
+@needs_numba
 def test_it_says_at_once_and_then_every_ten_seconds_that_it_compiles(
     monkeypatch, caplog, tmp_path
 ):
@@ -216,11 +217,8 @@ assert compiled_signatures() == before
 
 @needs_numba
 def test_nothing_is_left_to_be_compiled_when_samples_come():
-    done = subprocess.run(
-        [sys.executable, '-c', ALL_COMPILED],
-        env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)},
-        capture_output=True, text=True, check=False, timeout=240,
-    )  # fmt: skip
+    environment = {**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)}
+    done = run_python('-c', ALL_COMPILED, env=environment, timeout=240.0)
     assert done.returncode == 0, done.stderr
 
 

@@ -16,8 +16,6 @@
 
 import os
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -29,6 +27,7 @@ from slip_detector.chain.filters import SETTLED, design, settling_rows
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 from support.config_cases import message_of
+from support.python_runs import run_python
 
 RATE = 380.0
 
@@ -46,8 +45,8 @@ slip_detector.chain.slip_chain.SlipChain()
 @pytest.mark.parametrize('cache', [{}, {'XDG_CACHE_HOME': 'relative'}])
 def test_a_user_without_a_home_needs_none_and_nothing_is_left_where_he_is(tmp_path, cache):
     environment = {name: value for name, value in os.environ.items() if name != 'HOME'}
-    words = [sys.executable, '-B', '-c', NOBODY]
-    subprocess.run(words, check=True, cwd=tmp_path, env={**environment, **cache})
+    done = run_python('-B', '-c', NOBODY, cwd=tmp_path, env={**environment, **cache})
+    assert done.returncode == 0, done.stderr
     assert list(tmp_path.iterdir()) == []
 
 
@@ -81,6 +80,12 @@ def test_a_design_lost_to_round_off_is_an_error_that_names_the_edges_and_what_wo
 # --- settling ------------------------------------------------------------------------------
 
 
+def rows_until_fallen(sections):
+    """Return after how many rows the answer to a step stays below its share of the largest."""
+    step = np.abs(signal.sosfilt(sections, np.ones(20000)))
+    return np.flatnonzero(step > SETTLED * step.max())[-1] + 1
+
+
 @settings(max_examples=20)
 @given(
     st.sampled_from([(7.0, 50.0), (0.5, 5.0), (40.0, 0.0), (20.0, 150.0)]),
@@ -92,9 +97,7 @@ def test_after_so_many_rows_a_step_has_fallen_below_the_share_and_left_the_windo
 ):
     config = ChainConfig(passband_hz=passband, stopbands_hz=stopbands, envelope_window_s=window_s)
     windows = config.samples(window_s) + config.samples(config.decision_window_s)
-    step = np.abs(signal.sosfilt(design(config), np.ones(20000)))
-    loud = np.flatnonzero(step > SETTLED * step.max())
-    assert settling_rows(config) == loud[-1] + 1 + windows
+    assert settling_rows(config) == rows_until_fallen(design(config)) + windows
 
 
 EVIDENCE = ChainConfig(
@@ -106,11 +109,9 @@ EVIDENCE = ChainConfig(
 def test_a_low_band_that_settles_later_is_waited_for_and_one_that_float64_cannot_hold_refused():
     values = EVIDENCE.__dict__ | {'passband_hz': (60.0, 0.0), 'activity_cap_db': 8.7}
     low = signal.butter(2, (2.0, 4.0), 'bandpass', output='sos', fs=RATE)
-    step = np.abs(signal.sosfilt(low, np.ones(20000)))
-    loud = np.flatnonzero(step > SETTLED * step.max())
     falls = settling_rows(EVIDENCE) - settling_rows(ChainConfig(stopbands_hz=())) + 15 - 38
     config = ChainConfig(**values | {'activity_band_hz': (2.0, 4.0)})
-    assert settling_rows(config) == loud[-1] + 1 + 15 + falls
+    assert settling_rows(config) == rows_until_fallen(low) + 15 + falls
     config = ChainConfig(**values | {'activity_band_hz': (0.01, 0.0101)})
     assert message_of(SlipChain, config).startswith('parameter activity_band_hz: the filter with')
 

@@ -16,10 +16,7 @@
 
 import copy
 import dataclasses
-import os
 import pickle
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +33,7 @@ from slip_detector.chain.stages import WORD_ROWS
 from slip_detector.compiled import COMPILED
 from slip_detector.parameters import COMMON_MODES, ChainConfig
 from support.interpreted import interpreted
+from support.python_runs import run_python
 from support.random_chains import (
     assert_same_votes,
     cases,
@@ -267,11 +265,8 @@ def test_without_numba_it_is_said_once_that_all_runs_interpreted():
     script = (
         'import sys; sys.modules["numba"] = None; from slip_detector import SlipChain as Chain'
     )
-    done = subprocess.run(
-        [sys.executable, '-c', f'{script}; Chain(), Chain()'],
-        env=os.environ | {'PYTHONPATH': str(CHECKOUT)},
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
+    done = run_python('-c', f'{script}; Chain(), Chain()', cwd=CHECKOUT)
+    assert done.returncode == 0
     assert done.stderr == (
         'Numba is not installed: all runs interpreted, slower, with the same decisions\n'
     )

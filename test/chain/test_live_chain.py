@@ -305,18 +305,20 @@ def test_a_reset_forgets_the_floors_of_a_chain_that_was_built_before_it_too():
 
 
 @pytest.mark.parametrize(
-    ('before', 'values', 'wanted'),
+    ('config', 'before', 'values', 'wanted'),
     [
-        (300, {'threshold': 0.1}, 1),
-        (KEPT, {'gain': 50.0}, 1),
-        (0, {'gain': 50.0}, settling_rows(CONFIG)),
-        (50, {'gain': 50.0}, settling_rows(CONFIG) - 50),
-        (KEPT, {'channels': 3, 'groups': {}}, settling_rows(CONFIG)),
-        (KEPT, {'passband_hz': (0.1, 100.0)}, 1),
+        (CONFIG, 300, {'threshold': 0.1}, 1),
+        (CONFIG, KEPT, {'gain': 50.0}, 1),
+        (CONFIG, 0, {'gain': 50.0}, settling_rows(CONFIG)),
+        (CONFIG, 50, {'gain': 50.0}, settling_rows(CONFIG) - 50),
+        (CONFIG, KEPT, {'channels': 3, 'groups': {}}, settling_rows(CONFIG)),
+        (CONFIG, KEPT, {'passband_hz': (0.1, 100.0)}, 1),
+        # The time that evidence takes.
+        (EVIDENCE, 0, {'evidence_offset_db': 2.0}, round(1.3 / 2.0 * 400.0)),
     ],
 )
-def test_it_is_told_how_long_slip_may_come_of_the_change(before, values, wanted):
-    bed = Bed()
+def test_it_is_told_how_long_slip_may_come_of_the_change(config, before, values, wanted):
+    bed = Bed(config)
     bed.chain.update(noise(before), level=False)
     assert bed.chain.unsettled_rows == 0
     bed.change(**values)
@@ -328,10 +330,3 @@ def test_it_is_told_how_long_slip_may_come_of_the_change(before, values, wanted)
     assert bed.chain.unsettled_rows == 1
     bed.chain.update(noise(5, channels=channels), level=False)
     assert bed.chain.unsettled_rows == 0
-
-
-def test_a_change_of_evidence_has_the_time_that_evidence_takes():
-    bed = Bed(EVIDENCE)
-    assert bed.change(evidence_offset_db=2.0)
-    assert bed.chain.swap()
-    assert bed.chain.unsettled_rows == round(1.3 / 2.0 * 400.0)

@@ -207,24 +207,22 @@ def test_batches_come_or_are_missing_as_a_whole(rows, n, data):
             assert arrival == (rows if number == lost + 2 else 0)
 
 
-#: Times between two publications, in batches: quick ones behind a late one too.
-PUBLICATIONS = st.lists(
+#: Times of publications, in batches: quick ones behind a late one too.
+PUBLISHED_NS = st.lists(
     st.one_of(st.integers(1, PERIOD_NS), st.integers(1, 100 * PERIOD_NS)), min_size=1, max_size=80
-)
+).map(lambda steps_ns: np.cumsum([START_NS, *steps_ns]).tolist())
 
 
-@given(PUBLICATIONS, st.integers(1, 40), st.integers(0, 2**62), st.sampled_from([0.0, MAX_GAP_S]))
-def test_numbered_batches_may_be_published_late_at_any_time(steps_ns, rows, first, max_gap_s):
+@given(PUBLISHED_NS, st.integers(1, 40), st.integers(0, 2**62), st.sampled_from([0.0, MAX_GAP_S]))
+def test_numbered_batches_may_be_published_late_at_any_time(at_ns, rows, first, max_gap_s):
     grid = StampGrid(PERIOD_S, max_gap_s)
-    at_ns = np.cumsum([START_NS, *steps_ns]).tolist()
     verdicts = [grid.arrive(stamp, rows, first + k) for k, stamp in enumerate(at_ns)]
     assert verdicts == [NEXT] * len(verdicts)
 
 
-@given(PUBLICATIONS, st.integers(1, 40), st.sets(st.integers(1, 79)))
-def test_each_numbered_batch_that_is_lost_is_told_whenever_the_others_come(steps_ns, rows, lost):
+@given(PUBLISHED_NS, st.integers(1, 40), st.sets(st.integers(1, 79)))
+def test_each_numbered_batch_that_is_lost_is_told_whenever_the_others_come(at_ns, rows, lost):
     grid = StampGrid(PERIOD_S, max_gap_s=1e3)
-    at_ns = np.cumsum([START_NS, *steps_ns]).tolist()
     came = [number for number in range(len(at_ns)) if number not in lost]
     verdicts = [grid.arrive(at_ns[number], rows, number) for number in came]
     missing = np.diff(came, prepend=-1) - 1

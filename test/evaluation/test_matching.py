@@ -48,6 +48,14 @@ def test_any_cut_of_the_rows_gives_the_same_intervals(pieces, first_row):
 
 # What is scored.
 
+#: At 100 Hz the times of 0 to 4, and of 0 to 6 rows.
+EVALUATIONS = st.builds(
+    EvaluationConfig,
+    early_s=st.integers(0, 4).map(lambda rows: rows / 100.0),
+    tail_s=st.integers(0, 4).map(lambda rows: rows / 100.0),
+    off_before_s=st.integers(0, 6).map(lambda rows: rows / 100.0),
+)
+
 
 @st.composite
 def recorded(draw):
@@ -60,12 +68,8 @@ def recorded(draw):
         row = stretches[-1].end
     signal = st.lists(st.booleans(), min_size=row, max_size=row)
     truth, on = (np.array(draw(signal, label=name), bool) for name in ('truth', 'on'))
-    config = EvaluationConfig(
-        early_s=draw(st.integers(0, 4), label='early') / 100.0,
-        tail_s=draw(st.integers(0, 4), label='tail') / 100.0,
-        off_before_s=draw(st.integers(0, 5), label='off before') / 100.0,
-    )
-    return stretches, truth, on, draw(st.integers(0, 12), label='settling'), config
+    settling_rows = draw(st.integers(0, 12), label='settling')
+    return stretches, truth, on, settling_rows, draw(EVALUATIONS, label='evaluation')
 
 
 def intervals(signal, stretches):
@@ -119,12 +123,7 @@ def rings(draw):
     n = len(on)
     edges = st.lists(st.integers(n, 2 * n), unique=True, min_size=2, max_size=2).map(sorted)
     slip = RowInterval(*draw(edges, label='slip'))
-    config = EvaluationConfig(
-        early_s=draw(st.integers(0, 3)) / RATE_HZ,
-        tail_s=draw(st.integers(0, 3)) / RATE_HZ,
-        off_before_s=draw(st.integers(0, 6)) / RATE_HZ,
-    )
-    return on, slip, config
+    return on, slip, draw(EVALUATIONS, label='evaluation')
 
 
 @settings(max_examples=20)

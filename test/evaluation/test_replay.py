@@ -35,14 +35,6 @@ from slip_detector.recordings.labels import label_times
 from support.replay_cases import CONFIG, RATE_HZ, ridges
 
 
-def with_gap(volts, truth):
-    """Cut rows at row 800, where 3 s are missing."""
-    whole = Samples.evenly(volts, RATE_HZ, truth)
-    after = whole.take(slice(800, None))
-    later = after._replace(stamps_ns=after.stamps_ns + 3_000_000_000, new_stretch=True)
-    return [whole.take(slice(800)), later]
-
-
 @given(
     late=st.tuples(st.integers(-110, 110), st.integers(-110, 110)),
     accuracy_s=st.sampled_from([0.3, 0.35]),
@@ -63,10 +55,9 @@ def test_labels_that_are_off_within_their_accuracy_change_no_figure(late, accura
 
 def test_the_recordings_own_rate_turns_rows_into_times():
     volts, truth = ridges((400, 600))
-    ours = Replay(CONFIG).run([Samples.evenly(volts, RATE_HZ, truth)])
-    its = Replay(CONFIG).run(
-        [Samples.evenly(volts, RATE_HZ, truth)], sample_rate_hz=RATE_HZ / 1.01
-    )
+    rows = [Samples.evenly(volts, RATE_HZ, truth)]
+    ours = Replay(CONFIG).run(rows)
+    its = Replay(CONFIG).run(rows, sample_rate_hz=RATE_HZ / 1.01)
     assert its.slips[0].start_s == pytest.approx(1.01 * ours.slips[0].start_s)
     assert its.slips[0].latency_s == pytest.approx(1.01 * ours.slips[0].latency_s)
     # The tail of the slip and off_before_s are times too.
@@ -93,8 +84,11 @@ def test_noise_in_short_clips_is_told_from_noise_as_by_guessing():
 
 def test_an_observer_receives_all_rows_and_gaps():
     volts, truth = ridges((400, 600))
+    whole = Samples.evenly(volts, RATE_HZ, truth)
+    after = whole.take(slice(800, None))
+    later = after._replace(stamps_ns=after.stamps_ns + 3_000_000_000, new_stretch=True)
     witness = mock.Mock()
-    Replay(CONFIG).run(with_gap(volts, truth), observer=witness)
+    Replay(CONFIG).run([whole.take(slice(800)), later], observer=witness)
     rows, results, labels = zip(*(call.args for call in witness.add.mock_calls), strict=True)
     np.testing.assert_array_equal(np.concatenate(rows), volts)
     np.testing.assert_array_equal(np.concatenate(labels), truth)

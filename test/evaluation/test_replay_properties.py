@@ -78,11 +78,7 @@ def test_figures_are_those_of_an_independent_scorer(pieces, config, evaluation):
     on, truth, moving, statistic, settled, valid = (
         np.concatenate(column) for column in zip(*columns, strict=True)
     )
-    expected = {
-        **figures(parts),
-        'rows': len(on),
-        'slip_rows': int(truth.sum()),
-    }
+    expected = figures(parts) | {'rows': len(on), 'slip_rows': int(truth.sum())}
     sooner = expected['sooner_than_chance']
     if sooner is not None and min(abs(sooner), abs(sooner - 0.5)) < 1e-9:
         # Whether latencies are defined is up to round-off.

@@ -48,7 +48,7 @@ def test_a_time_is_rounded_to_samples_and_at_least_one():
 TWO = {'channels': 2}
 EVIDENCE = {'decision': 'evidence', 'noise_floor': 0.5}
 CONTACT = {**EVIDENCE, 'contact_level_v': 1.0}
-HIGH_PASS = {'stopbands_hz': (), 'passband_degree': 1}
+WINDOWS = {'envelope_window_s': 0.1, 'decision_window_s': 0.1}
 
 #: Values that do not go together, and the message after the word parameter.
 REFUSED = [
@@ -81,8 +81,6 @@ REFUSED = [
         'impact_channels is 2, allowed: at most 1, the number of enabled channels',
     ),
     ({'impact_s': 1.5}, 'impact_s is 1.5 s, allowed: 0 to 1 s'),
-    ({'activity_band_hz': 8.0}, 'activity_band_hz is 8.0, allowed: a list'),
-    ({'activity_band_hz': ()}, 'activity_band_hz has 0 numbers, allowed: 2'),
     (
         {**CONTACT, 'activity_band_hz': (8.0, 190.0)},
         'activity_band_hz has 8 and 190 Hz, allowed: rising, 0.0038 Hz to below 190 Hz',
@@ -106,8 +104,7 @@ def test_parameters_of_the_evidence_and_of_its_stages_are_not_checked_without_th
     values |= {'contact_level_v': 1.0, 'contact_channels': 99, 'activity_cap_db': 8.7}
     assert ChainConfig(**values).threshold == 2.0
     band = {'passband_hz': (7.0, 0.0), 'stopbands_hz': (), 'passband_degree': 2}
-    windows = {'envelope_window_s': 0.1, 'decision_window_s': 0.1}
-    assert ChainConfig(**EVIDENCE, **band, **windows, sample_rate_hz=30.0).low_band_hz == ()
+    assert ChainConfig(**EVIDENCE, **band, **WINDOWS, sample_rate_hz=30.0).low_band_hz == ()
 
 
 @pytest.mark.parametrize(
@@ -183,10 +180,10 @@ def test_rows_of_the_mains_are_whole_periods_or_the_mains_is_refused(rate_hz, ma
     able = [rows for rows in range(1, most + 1) if off(rows) <= WHOLE_PERIODS]
     # At a rate far above the mains' a few rows are nearly none of it, which is no period.
     able = [rows for rows in able if rows * mains_hz / rate_hz > 0.5]
-    values = {'sample_rate_hz': rate_hz, 'mains_hz': mains_hz, 'passband_hz': (5.0, 0.0)}
-    windows = {'envelope_window_s': 0.1, 'decision_window_s': 0.1}
+    values = {'sample_rate_hz': rate_hz, 'mains_hz': mains_hz, **WINDOWS}
+    values |= {'passband_hz': (5.0, 0.0), 'passband_degree': 1, 'stopbands_hz': ()}
     if able:
-        assert ChainConfig(**values, **windows, **HIGH_PASS).mains_rows == able[0]
+        assert ChainConfig(**values).mains_rows == able[0]
     else:
-        message = message_of(ChainConfig, **values, **windows, **HIGH_PASS)
+        message = message_of(ChainConfig, **values)
         assert message.startswith(f'parameter mains_hz is {mains_hz:g} Hz, allowed: 0, or')

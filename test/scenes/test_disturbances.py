@@ -31,15 +31,6 @@ from slip_detector.scenes.disturbances import (
     tap_force_at,
 )
 
-
-def trial(seed=0):
-    return np.random.default_rng(seed)
-
-
-def instants_s(duration_s, rate_hz=380.0):
-    return np.arange(round(duration_s * rate_hz)) / rate_hz
-
-
 SINES = st.lists(
     st.tuples(st.floats(-10, 10), st.floats(0, 100), st.floats(0, 2 * np.pi)), max_size=5
 ).map(lambda rows: np.array(rows).reshape(-1, 3).T.copy())
@@ -61,7 +52,7 @@ def test_hum_is_at_its_frequency_and_harmonics_with_their_amplitudes(
     frequency_hz, amplitude_v, harmonics, seed
 ):
     hum = Hum(frequency_hz=frequency_hz, amplitude_v=amplitude_v, harmonics=harmonics)
-    volts = sines_at(instants_s(1.0, 1000.0), hum.sines(trial(seed)))
+    volts = sines_at(np.arange(1000) / 1000.0, hum.sines(np.random.default_rng(seed)))
     expected = np.zeros(501)
     expected[frequency_hz] = amplitude_v
     for number, relative in enumerate(harmonics, start=2):
@@ -72,7 +63,7 @@ def test_hum_is_at_its_frequency_and_harmonics_with_their_amplitudes(
 @given(st.floats(0.1, 30), st.floats(1.001, 30), st.integers(0, 999))
 def test_tremor_lies_in_its_band_with_its_rms_and_below_its_peak(low_hz, ratio, seed):
     tremor = Tremor(low_hz=low_hz, high_hz=low_hz * ratio)
-    amplitude, rate_rad_s, _ = tremor.sines(0.3, trial(seed))
+    amplitude, rate_rad_s, _ = tremor.sines(0.3, np.random.default_rng(seed))
     frequency_hz = rate_rad_s / (2 * np.pi)
     assert np.all((frequency_hz > tremor.low_hz) & (frequency_hz < tremor.high_hz))
     # Lines of different frequencies add their powers.
@@ -91,7 +82,7 @@ def taps(draw):
 
 @given(taps())
 def test_taps_are_half_sines_and_nothing_outside_their_time(tapping):
-    t = instants_s(2.0, 5000.0)
+    t = np.arange(10_000) / 5000.0
     force_n = tap_force_at(t, tapping.numbers())
     expected_n = np.zeros(len(t))
     for begin_s in tapping.times_s:

@@ -44,12 +44,12 @@ def frontend(seed=0, rate_hz=380.0, parts=(), **parameters):
     return Frontend({'electronics': Electronics(**parameters), **dict(parts)}, children, rate_hz)
 
 
-def sampled(clean_v, **values):
+def sampled(clean_v, force_n=0.0, **values):
     """Return samples of clean voltages, without the baselines, and their times."""
     rate_hz = values.get('rate_hz', 380.0)
     time_s = np.arange(len(clean_v)) / rate_hz
     return frontend(**{'baseline_v': (0.0, 0.0), **values}).sample(
-        clean_v, time_s, np.zeros(len(clean_v))
+        clean_v, time_s, np.full(len(clean_v), force_n)
     )
 
 
@@ -112,10 +112,7 @@ def test_the_variance_of_the_drift_grows_linearly_whatever_the_rate(rate_hz):
 def contact_noise(clean_v, force_n, **parameters):
     """Return the noise alone, at 380 Hz."""
     parts = {'contact_noise': ContactNoise(**parameters)}
-    volts = frontend(**NEAT, baseline_v=(0.0, 0.0), parts=parts).sample(
-        clean_v, np.arange(len(clean_v)) / 380.0, np.full(len(clean_v), force_n)
-    )
-    return volts - clean_v
+    return sampled(clean_v, force_n, **NEAT, parts=parts) - clean_v
 
 
 @given(st.floats(0.0, 0.05))

@@ -39,26 +39,6 @@ LUGRE = {
     'bristle_damping_n_s_m': 0.1,
     'unloading_s': 1e-4,
 }
-SHEAR_ONLY = {
-    'spread': 0.0, 'noise_v': 0.0, 'normal_v_n': 0.0, 'shear_v_n': 1.0, 'shear_along_share': 1.0,
-    'bandwidth_hz': 0.0,
-}  # fmt: skip
-
-#: Touched at 0.05 s, pushed at 0.6 s: until then the force has settled.
-PUSHED = [
-    {'duration_s': 0.05},
-    {'duration_s': 0.05, 'force_n': 1.0},
-    {'duration_s': 0.5},
-    {'duration_s': 0.3, 'velocity_m_s': 10e-3},
-]
-
-
-def scene(steps, **parts):
-    description = {
-        'steps': steps, 'contact': CONTACT, 'motion': MOTION, 'skin': SKIN, 'friction': LUGRE,
-        'electronics': SHEAR_ONLY, **parts,
-    }  # fmt: skip
-    return Scene(description, np.random.default_rng(0))
 
 
 # Any cut.
@@ -124,12 +104,21 @@ def test_without_numba_a_scene_is_the_same():
 
 
 def test_after_lift_off_while_sliding_the_skin_goes_back_to_rest():
+    # Touched at 0.05 s, pushed at 0.6 s: until then the force has settled.
     steps = [
-        *PUSHED,
+        {'duration_s': 0.05},
+        {'duration_s': 0.05, 'force_n': 1.0},
+        {'duration_s': 0.5},
+        {'duration_s': 0.3, 'velocity_m_s': 10e-3},
         {'duration_s': 0.05, 'force_n': 0.0, 'velocity_m_s': 10e-3},
         {'duration_s': 2.0, 'velocity_m_s': 10e-3},
     ]
-    played = scene(steps)
+    shear_only = {'normal_v_n': 0.0, 'shear_v_n': 1.0, 'shear_along_share': 1.0}
+    description = {
+        'steps': steps, 'contact': CONTACT, 'motion': MOTION, 'skin': SKIN, 'friction': LUGRE,
+        'electronics': {**shear_only, 'spread': 0.0, 'noise_v': 0.0, 'bandwidth_hz': 0.0},
+    }  # fmt: skip
+    played = Scene(description, np.random.default_rng(0))
     _, clean_v, _, sliding = played.clean(ALL)
     assert clean_v.max() > 1e-3
     # Friction is left as of the lightest load, below what a taxel feels.

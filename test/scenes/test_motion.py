@@ -46,15 +46,6 @@ MOTIONS = st.builds(
 )
 
 
-def commanded_n(steps):
-    """Return times and commands at the corners of the command."""
-    times, forces = [0.0], [0.0]
-    for step in steps:
-        times.append(times[-1] + step.duration_s)
-        forces.append(forces[-1] if step.force_n < 0.0 else step.force_n)
-    return times, forces
-
-
 def integrated_n(motion, corners_s, commands_n, at_s):
     """Solve F'' + 2 d w F' + w^2 F = w^2 command from corner to corner, with a matrix for each."""
     omega = 2.0 * np.pi * motion.ringing_hz
@@ -88,7 +79,10 @@ def check_force(force, motion, corners_s, commands_n, at_s):
 @settings(max_examples=25)
 @given(MOTIONS, FORCE_STEPS)
 def test_the_force_follows_the_command_as_a_damped_mass_does(motion, steps):
-    corners_s, commands_n = commanded_n(steps)
+    corners_s, commands_n = [0.0], [0.0]
+    for step in steps:
+        corners_s.append(corners_s[-1] + step.duration_s)
+        commands_n.append(commands_n[-1] if step.force_n < 0.0 else step.force_n)
     at_s = np.linspace(0.0, corners_s[-1] + 0.2, 50)
     check_force(force_numbers(motion, steps), motion, corners_s, commands_n, at_s)
 

@@ -180,8 +180,7 @@ def test_a_threshold_next_to_no_evidence_is_not_taken():
         CHAIN, decision='evidence', noise_floor=(0.05,), exponent=1, evidence_offset_db=12.0
     )
     tracks = [track(1)]
-    objective = Problem(tracks)
-    found = objective.best(chain)
+    found = Problem(tracks).best(chain)
     assert found.figures['sooner_than_chance'] > 0.9
     (statistics,) = vote_statistics(chain, [found.chain.vote], tracks)
     assert found.chain.threshold >= statistics.thresholds()[3]

@@ -68,9 +68,8 @@ def test_the_votes_are_all_counts_of_small_groups_and_shares_of_large_ones():
 
 def thresholds(chain, values):
     """Return the thresholds of a statistic in a recording without slip."""
-    return VoteStatistics(
-        chain, [(values, track_with(np.zeros((len(values), 1))), None)]
-    ).thresholds()
+    quiet = track_with(np.zeros((len(values), 1)))
+    return VoteStatistics(chain, [(values, quiet, None)]).thresholds()
 
 
 @given(values=st.lists(st.floats(1e-6, 1e6), min_size=1, max_size=50), exponent=st.integers(1, 4))
@@ -80,9 +79,8 @@ def test_thresholds_rise_in_even_steps_of_amplitude_up_to_where_nothing_is_on(va
     limits = thresholds(chain, statistic)
     assert limits[-1] >= statistic.max() > 0.999 * limits[-1]
     np.testing.assert_allclose(limits[1:] / limits[:-1], 1.03**exponent, rtol=3e-3)
-    assert (
-        limits[0] <= max(np.median(statistic[::16]), statistic.max() * 1000.0**-exponent) * 1.001
-    )
+    lowest = max(np.median(statistic[::16]), statistic.max() * 1000.0**-exponent)
+    assert limits[0] <= 1.001 * lowest
     # No more digits than a file is to show.
     assert [float(f'{limit:.4g}') for limit in limits] == limits.tolist()
 
