@@ -21,6 +21,7 @@ from unittest import mock
 
 import slip_detector.chain
 import slip_detector.scenes
+import slip_detector.vectors
 
 #: What is imported once more.
 ROOMS = ('chain', 'compiled', 'scenes', 'vectors')
