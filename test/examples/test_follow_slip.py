@@ -19,7 +19,7 @@ import signal
 import numpy as np
 import pytest
 
-from support.harness import PERIOD_NS, START_NS, Detected, ended_quietly
+from support.harness import PERIOD_NS, START_NS, Detected
 from support.pages import ROOT
 
 pytestmark = pytest.mark.nodes
@@ -48,6 +48,6 @@ def test_it_follows_slip_and_holds_on_when_the_detector_hangs(bench):
     bench.wait_for(lambda: said(follower)[-1:] == [NO_SLIP], NO_SLIP)
     detected.send_all(VIBRATION, at_ns, PERIOD_NS)
     bench.wait_for(lambda: said(follower)[-1:] == [SLIP], SLIP)
-    with ended_quietly(follower):
-        detected.process.signal(signal.SIGSTOP)
-        bench.wait_for(lambda: said(follower)[-1:] == [UNKNOWN], UNKNOWN)
+    detected.process.signal(signal.SIGSTOP)
+    bench.wait_for(lambda: said(follower)[-1:] == [UNKNOWN], UNKNOWN)
+    follower.end_quietly()

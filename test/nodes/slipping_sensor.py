@@ -76,22 +76,19 @@ class Sensor:
         self._voltages.publish(sample(row, round(self.clock_s * 1e9)))
         self.sent_s = time.monotonic()
 
-    def play(self, until, what, slipping=True, change=lambda row: row):
+    def play(self, until, what):
         """Send good samples until something holds."""
         deadline_s = time.monotonic() + 60.0
         while not until():
             assert time.monotonic() < deadline_s, f'no {what}:\n{self.process.log()}'
-            self.send(change(self.row(slipping)))
+            self.send(self.row())
 
     def slips(self):
         """Play until slip is ON and valid."""
         self.play(self.says_slip, 'slip')
 
-    def says_valid(self):
-        return bool(self.valid and self.valid[-1][1])
-
     def says_slip(self):
-        return bool(self.slip and self.slip[-1][1] and self.says_valid())
+        return all(heard and heard[-1][1] for heard in (self.slip, self.valid))
 
     def fell(self):
         return not self.valid[-1][1] and not self.slip[-1][1]

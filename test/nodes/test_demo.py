@@ -101,11 +101,8 @@ def test_nodes_end_with_the_process_that_started_them_even_if_it_is_killed():
 def test_signals_end_a_demonstration_and_its_nodes_quietly(bench, tmp_path):
     process = bench.start_executable('slip_demo', '--out', tmp_path, '--verbose')
     bench.wait_for(lambda: 'channels at' in process.log(), 'a node')
-    for number in (signal.SIGINT, signal.SIGTERM):
-        process.signal(number)
-    assert process.wait() == 0
+    process.end_quietly(signal.SIGINT, signal.SIGTERM)
     assert process.lines()[-1] == 'slip_demo: interrupted before it was done'
-    assert 'Traceback' not in process.log()
     bench.wait_for(lambda: 'slip_detector' not in bench.node.get_node_names(), 'the node to end')
 
 

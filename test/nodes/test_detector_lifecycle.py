@@ -32,11 +32,6 @@ def state(bench):
     return answer.current_state.id
 
 
-def known(bench):
-    """Wait until the graph has the detector: its services may answer before."""
-    bench.wait_for(lambda: 'slip_detector' in bench.node.get_node_names(), 'the node to be known')
-
-
 #: A detector whose chain cannot be built, as when memory runs out.
 WITHOUT_MEMORY = """
 import sys
@@ -56,48 +51,39 @@ def test_a_manager_is_told_why_a_node_cannot_be_configured(bench):
     assert 'no memory for the chain' in process.log()
 
 
-def topics(bench):
-    known(bench)
+def connections(bench):
+    """Return whether the detector has its topics, and whether it subscribes to samples."""
+    hears = '/voltages' in bench.subscribed('slip_detector')
     names = dict(bench.node.get_publisher_names_and_types_by_node('slip_detector', '/'))
-    return {name for name in names if 'slip' in name or 'diagnostics' in name} - {
-        '/slip_detector/transition_event'
-    }
-
-
-def hears(bench):
-    """Return whether the detector subscribes to samples."""
-    known(bench)
-    names = dict(bench.node.get_subscriber_names_and_types_by_node('slip_detector', '/'))
-    return '/voltages' in names
+    topics = {name for name in names if 'slip' in name or 'diagnostics' in name}
+    return bool(topics - {'/slip_detector/transition_event'}), hears
 
 
 def test_a_manager_takes_the_node_through_its_life(bench):
     slip = bench.listen(Bool, 'slip', state_qos())
     process = bench.start('slip_detector', parameters={'autostart': 'false'})
     assert state(bench) == State.PRIMARY_STATE_UNCONFIGURED
-    assert not topics(bench)
-    assert not hears(bench)
+    assert connections(bench) == (False, False)
     assert not change(bench, Transition.TRANSITION_ACTIVATE)
     assert state(bench) == State.PRIMARY_STATE_UNCONFIGURED
 
-    # Whether it has its topics and subscribes to samples, after each transition.
-    configured = Transition.TRANSITION_CONFIGURE, State.PRIMARY_STATE_INACTIVE, True, False
-    active = Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE, True, True
-    for transition, wanted, has_topics, has_samples in (
+    # The connections after each transition.
+    configured = Transition.TRANSITION_CONFIGURE, State.PRIMARY_STATE_INACTIVE, (True, False)
+    active = Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE, (True, True)
+    for transition, wanted, connected in (
         configured,
         active,
-        (Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE, True, False),
-        (Transition.TRANSITION_CLEANUP, State.PRIMARY_STATE_UNCONFIGURED, False, False),
+        (Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE, (True, False)),
+        (Transition.TRANSITION_CLEANUP, State.PRIMARY_STATE_UNCONFIGURED, (False, False)),
         configured,
         active,
-        (Transition.TRANSITION_ACTIVE_SHUTDOWN, State.PRIMARY_STATE_FINALIZED, False, False),
+        (Transition.TRANSITION_ACTIVE_SHUTDOWN, State.PRIMARY_STATE_FINALIZED, (False, False)),
     ):
         assert change(bench, transition)
         assert state(bench) == wanted
-        bench.wait_for(lambda has=has_topics: bool(topics(bench)) == has, 'the topics')
-        bench.wait_for(lambda has=has_samples: hears(bench) == has, 'the subscription')
+        bench.wait_for(lambda has=connected: connections(bench) == has, 'the connections')
         slip.clear()
-        bench.wait_for(lambda has=has_samples: not has or len(slip) > 3, 'the heartbeat')
+        bench.wait_for(lambda has=connected: not all(has) or len(slip) > 3, 'the heartbeat')
     assert 'Traceback' not in process.log()
 
 

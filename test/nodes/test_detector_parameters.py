@@ -23,10 +23,6 @@ from slip_detector.parameters.files import shared_folder
 from support.harness import PERIOD_NS, START_NS, Detected
 
 
-def values_of(bench, names):
-    return dict(zip(names, bench.values_of('slip_detector', *names), strict=True))
-
-
 def test_files_are_loaded_whole_as_ros2_param_load_sends_them(bench):
     process = bench.start('slip_detector')
     for file in ('onset', 'sure', 'grasp', 'slip_detector', 'xela_uskin', 'onset'):
@@ -38,7 +34,8 @@ def test_files_are_loaded_whole_as_ros2_param_load_sends_them(bench):
         values = DetectorConfig.from_yaml(path).to_parameters()
         assert refused == sent.keys() - values.keys(), file
         taken = [*(sent.keys() - refused)]
-        assert values_of(bench, taken) == {name: values[name] for name in taken}, file
+        wanted = [values[name] for name in taken]
+        assert bench.values_of('slip_detector', *taken) == wanted, file
     assert 'decision failed' not in process.log()
 
 

@@ -15,7 +15,6 @@
 """Several fingers in one process of drivers and one of detectors."""
 
 import itertools
-import signal
 
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
@@ -32,13 +31,10 @@ def start(bench, name, **parameters):
 
 
 def test_each_finger_has_nodes_and_parameters_of_its_own_and_all_samples_come(bench):
-    valid = {
-        finger: bench.listen(Bool, f'left/{finger}/slip_valid', state_qos()) for finger in FINGERS
-    }
-    voltages = {
-        finger: bench.listen(JointState, f'left/{finger}/voltages', sensor_qos())
-        for finger in FINGERS
-    }
+    valid, voltages = {}, {}
+    for finger in FINGERS:
+        valid[finger] = bench.listen(Bool, f'left/{finger}/slip_valid', state_qos())
+        voltages[finger] = bench.listen(JointState, f'left/{finger}/voltages', sensor_qos())
     detector = start(bench, 'slip_detector')
     driver = start(bench, 'slip_driver', source='scene', wait_for_subscribers=2, loop='true')
     for finger in FINGERS:
@@ -59,15 +55,11 @@ def test_each_finger_has_nodes_and_parameters_of_its_own_and_all_samples_come(be
     bench.wait_for(lambda: all(len(heard) > 10 for heard in others), 'more of the others')
     assert all(heard[-1].data for heard in others)
     for process in (detector, driver):
-        process.signal(signal.SIGINT)
-        assert process.wait() == 0
-        assert 'Traceback' not in process.log()
+        process.end_quietly()
         assert 'dropped' not in process.log()
 
 
 def test_drivers_end_when_all_have_played(bench):
-    process = bench.start(
-        'slip_driver', '--', '--fingers', NAMES, parameters={'source': 'scene', 'rate': 20.0}
-    )
+    process = start(bench, 'slip_driver', source='scene', rate=20.0)
     assert process.wait() == 0
     assert process.log().count('played all') == len(FINGERS)

@@ -24,7 +24,7 @@ from nodes.gripper import ACTION, CLOSED, DEFINITIONS, DEPENDS, Gripper
 
 from slip_detector.nodes.health import ERROR, OK, WARN
 from slip_detector.nodes.messages import event_qos
-from support.harness import ROOT, Beating, ended_quietly
+from support.harness import ROOT, Beating
 from support.interfaces import build
 
 #: Its server as a process of its own.
@@ -88,8 +88,8 @@ def test_a_higher_effort_is_a_new_goal_and_no_more_come_than_may(bench, control_
     assert 3 <= len(efforts) < RAISES / 2
     # The object is gone.
     gripper.object = 0.0
-    with ended_quietly(hand.process):
-        hand.wait_for(lambda: gripper.position == CLOSED, 'the fingers to close')
+    hand.wait_for(lambda: gripper.position == CLOSED, 'the fingers to close')
+    hand.process.end_quietly()
     assert gripper.in_force == limit
     assert gripper.cancels == 0
 

@@ -109,7 +109,8 @@ def test_other_publishers_and_warnings_of_the_chain_are_named():
     health.senders = Senders(lambda: 1.0, 'the input', lambda: names)
     health.detectors = Senders(lambda: 1.0, 'slip', lambda: ['/slip_detector'] * 2)
     for each in (health.senders, health.detectors):
-        each.accepts(None, publishers=2)
+        # Without numbers each publisher is taken to send.
+        assert not each.accepts(None, publishers=2)
     health.chain.look = lambda: {'upper': [0]}
     health.outputs.valid = False
     health.feed(good(380))
@@ -120,7 +121,7 @@ def test_other_publishers_and_warnings_of_the_chain_are_named():
     assert 'slip_valid is false' in statuses[3].message
     assert levels(statuses) == [ERROR, OK, OK, ERROR]
     for each in (health.senders, health.detectors):
-        each.accepts(None, publishers=1)
+        assert each.accepts(None, publishers=1)
     health.outputs.valid = True
     health.feed(good(380), 380)
     statuses = health.sum_up()

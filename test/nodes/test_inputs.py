@@ -131,13 +131,6 @@ def test_of_two_that_were_started_together_one_message_is_mistaken_and_one_alone
     assert not senders.several
 
 
-def test_without_numbers_each_publisher_is_taken_to_send():
-    senders = Senders(lambda: 60.0)
-    assert senders.accepts(None, publishers=1)
-    assert not senders.accepts(None, publishers=2)
-    assert senders.several
-
-
 def test_two_detectors_in_one_namespace(bench):
     sensor = Sensor(bench)
     sensor.slips()

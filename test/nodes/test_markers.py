@@ -27,11 +27,11 @@ from slip_detector.view.detectors import Finger, drawn_positions, least_distance
 FOUR = DetectorConfig(channels=4, groups={'left': (1, 2), 'right': (3, 4)}, vote=1)
 
 
-def finger_with(levels, config=FOUR, *, on=None, slip=False, groups=(False, False)):
+def finger_with(levels, config=FOUR, *, slip=False, groups=(False, False)):
     """Return a finger whose channels have levels, in thresholds; those above one are ON."""
     finger = Finger('/index/slip_detector', config)
     levels = np.asarray(levels, np.float64)
-    on = levels > 1 if on is None else on
+    on = levels > 1
     finger.track.add_levels(
         np.array([10**9]), levels[np.newaxis] * config.threshold, on[np.newaxis], np.array([slip])
     )

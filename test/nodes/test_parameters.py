@@ -15,7 +15,6 @@
 """Configurations as parameters of a node, in this process and of each node with a file."""
 
 import pytest
-import rclpy
 from rclpy.node import Node
 
 from slip_detector.nodes.parameters import declare
@@ -25,47 +24,26 @@ from slip_detector.parameters.grasp import GraspConfig
 NODES = ('slip_driver', 'slip_detector', 'grasp_controller')
 
 
-@pytest.fixture
-def make():
-    """Return what makes nodes that were given parameters on the command line."""
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    nodes = []
-
-    def make(**given):
-        words = [word for name, value in given.items() for word in ('-p', f'{name}:={value}')]
-        node = Node(
-            'of_test',
-            context=context,
-            cli_args=['--ros-args', *words] if words else None,
-            allow_undeclared_parameters=True,
-        )
-        nodes.append(node)
-        return node
-
-    yield make
-    for node in nodes:
-        node.destroy_node()
-    rclpy.try_shutdown(context=context)
-
-
-def test_what_was_given_is_declared_and_all_else_has_its_default(make):
-    node = make(grip_n=3, limit_n=12.5)
+def test_what_was_given_is_declared_and_all_else_has_its_default(bench):
+    words = ['--ros-args', '-p', 'grip_n:=3', '-p', 'limit_n:=12.5']
+    node = Node('of_test', context=bench.context, cli_args=words)
     config = declare(node, GraspConfig)
     assert config == GraspConfig(grip_n=3.0, limit_n=12.5)
     for name, value in config.to_parameters().items():
         assert node.get_parameter(name).value == value
         assert node.describe_parameter(name).read_only
+    node.destroy_node()
 
 
-def test_numbers_have_their_range_in_the_description(make):
-    node = make()
+def test_numbers_have_their_range_in_the_description(bench):
+    node = Node('of_test', context=bench.context)
     declare(node, DetectorConfig)
     for name in ('channels', 'gain', 'passband_hz', 'decision'):
         described, field = node.describe_parameter(name), DetectorConfig.__dataclass_fields__[name]
         ranges = [*described.floating_point_range, *described.integer_range]
         bounds = [(field.metadata['low'], field.metadata['high'])] * (name in ('channels', 'gain'))
         assert [(each.from_value, each.to_value) for each in ranges] == bounds
+    node.destroy_node()
 
 
 @pytest.mark.parametrize(

@@ -42,16 +42,8 @@ from slip_detector.nodes.rclpy_internals import (
 from support.python_runs import run_python
 
 
-@pytest.fixture
-def context():
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    yield context
-    rclpy.try_shutdown(context=context)
-
-
-def test_what_cannot_be_done_is_answered_with_no_and_the_node_goes_on(context):
-    node = LifecycleNode('of_test', context=context)
+def test_what_cannot_be_done_is_answered_with_no_and_the_node_goes_on(bench):
+    node = LifecycleNode('of_test', context=bench.context)
     survive_requests(node)
     (service,) = (each for each in node.services if each.srv_type is ChangeState)
 
@@ -68,9 +60,9 @@ def test_what_cannot_be_done_is_answered_with_no_and_the_node_goes_on(context):
         pass
 
 
-def test_a_negative_time_does_not_reach_the_clock_and_others_do(context):
+def test_a_negative_time_does_not_reach_the_clock_and_others_do(bench):
     words = ['--ros-args', '-p', 'use_sim_time:=true']
-    node = Node('of_test', context=context, cli_args=words)
+    node = Node('of_test', context=bench.context, cli_args=words)
     survive_requests(node)
     (subscription,) = node.subscriptions
     for sec in (7, -1):
@@ -79,12 +71,12 @@ def test_a_negative_time_does_not_reach_the_clock_and_others_do(context):
     node.destroy_node()
 
 
-def test_messages_timers_and_services_are_served(context):
-    node = Node('of_test', context=context)
+def test_messages_timers_and_services_are_served(bench):
+    node = Node('of_test', context=bench.context)
     calls, client = [], node.create_client(GetParameters, 'of_answers/get_parameters')
-    served = Node('of_answers', context=context)
+    served = Node('of_answers', context=bench.context)
     served.declare_parameter('gain', 2)
-    executor = SampleExecutor(context)
+    executor = SampleExecutor(bench.context)
     executor.add_node(served)
 
     def on_said(message, info):
@@ -111,7 +103,7 @@ def test_messages_timers_and_services_are_served(context):
         executor.spin_once(0.1)
         take_answers([client])
     assert done[0].result().values[0].integer_value == 2
-    rclpy.try_shutdown(context=context)
+    rclpy.try_shutdown(context=bench.context)
     with pytest.raises(ExternalShutdownException):
         executor._do_others()
     executor.shutdown()
@@ -119,9 +111,9 @@ def test_messages_timers_and_services_are_served(context):
         each.destroy_node()
 
 
-def test_a_topic_of_many_messages_lets_others_have_their_turn(context):
-    node, heard = Node('of_test', context=context), []
-    executor = SampleExecutor(context)
+def test_a_topic_of_many_messages_lets_others_have_their_turn(bench):
+    node, heard = Node('of_test', context=bench.context), []
+    executor = SampleExecutor(bench.context)
     executor.add_node(node)
     node.create_subscription(Bool, 'said', heard.append, event_qos(100))
     publisher = node.create_publisher(Bool, 'said', event_qos(100))

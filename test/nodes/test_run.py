@@ -59,10 +59,7 @@ def test_a_node_that_ends_says_goodbye(bench, executable, parameters, said):
     bench.wait_for(lambda: executable in bench.node.get_node_names(), 'the node')
     bench.wait_for(lambda: said in process.log(), said)
     # Those of a terminal and of a parent come at once.
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGINT):
-        process.signal(number)
-    assert process.wait() == 0
-    assert 'Traceback' not in process.log()
+    process.end_quietly(signal.SIGINT, signal.SIGTERM, signal.SIGINT)
     ended_s = time.monotonic()
     bench.wait_until_forgotten(executable)
     # One that says nothing is forgotten after 14 to 20 s.
@@ -118,8 +115,7 @@ def test_a_signal_ends_a_node_before_it_has_compiled_all(
     monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
     process = bench.start(executable, parameters=given)
     bench.wait_for(lambda: 'compiling' in process.log(), 'the node to compile')
-    process.signal(signal.SIGINT)
-    assert process.wait() == 0
+    process.end_quietly()
     assert 'all takes up to a minute, the first time' in process.lines()[0]
     # The start of a driver compiles more than thirty functions.
     assert len(list(tmp_path.rglob('*.nbi'))) < 20

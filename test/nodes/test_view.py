@@ -40,13 +40,6 @@ def with_page(address, test):
     return asyncio.run(run())
 
 
-def subscribed(bench):
-    """Return the topics that slip_view subscribes to."""
-    bench.wait_for(lambda: 'slip_view' in bench.node.get_node_names(), 'slip_view to be known')
-    found = bench.node.get_subscriber_names_and_types_by_node('slip_view', '/')
-    return {topic for topic, _ in found}
-
-
 def test_a_scene_is_played_and_all_ends_with_a_signal(bench, tmp_path):
     words = ('--scene', 'plate_400um', '--fingers', 'thumb,index', '--folder', str(tmp_path / 'f'))
     process, address = bench.start_view(*words)
@@ -54,7 +47,7 @@ def test_a_scene_is_played_and_all_ends_with_a_signal(bench, tmp_path):
     async def see(page):
         content = await page.until('fingers', lambda content: len(content['fingers']) == 2)
         assert [finger['label'] for finger in content['fingers']] == ['scene/index', 'scene/thumb']
-        assert subscribed(bench) == set()
+        assert not bench.subscribed('slip_view')
         names = await page.view(channels=[14])
         slip = on = false = 0
         while not (slip and on and false):
@@ -67,7 +60,7 @@ def test_a_scene_is_played_and_all_ends_with_a_signal(bench, tmp_path):
                 assert arrays['level'].shape == (1, traces['levels']['count'])
 
     with_page(address, see)
-    bench.wait_for(lambda: subscribed(bench) == set(), 'the subscriptions to end')
+    bench.wait_for(lambda: not bench.subscribed('slip_view'), 'the subscriptions to end')
     taxels = bench.listen(MarkerArray, 'slip_view/taxels', event_qos(depth=1000))
 
     def marked(words):
@@ -104,9 +97,7 @@ def test_when_a_node_of_the_scene_ends_so_does_the_page(bench):
 def test_beyond_loopback_the_printed_address_has_a_token_and_a_signal_ends_it(bench):
     process, address = bench.start_view('--host', '0.0.0.0')
     assert len(address.partition('?token=')[2]) >= 20
-    for _ in range(3):  # ros2 launch sends more than one.
-        process.signal(signal.SIGTERM)
-    assert process.wait() == 0
+    process.end_quietly(*3 * [signal.SIGTERM])  # ros2 launch sends more than one.
     assert process.lines() == [f'slip_view: {address}', 'Ctrl-C ends it']
 
 
@@ -120,9 +111,7 @@ def test_beyond_loopback_the_printed_address_has_a_token_and_a_signal_ends_it(be
     ],
 )  # fmt: skip
 def test_what_is_impossible_is_refused_in_one_line(bench, words, code, said):
-    process = bench.start_executable('slip_view', *words)
-    assert process.wait() == code
-    (line,) = process.lines()
+    line = bench.start_executable('slip_view', *words).refusal(code)
     assert line.startswith('slip_view: ')
     assert said in line
 

@@ -58,11 +58,6 @@ class Watching:
             self.detectors.poll()
             await asyncio.sleep(0.01)
 
-    def subscribed(self):
-        """Return the topics that the page's node subscribes to."""
-        found = self.bench.node.get_subscriber_names_and_types_by_node(PAGE, '/')
-        return {topic for topic, _ in found}
-
 
 def watching(bench, test):
     """Run a test with the detectors."""
@@ -126,7 +121,7 @@ def test_a_detector_whose_parameters_change_and_that_ends_and_comes_again(bench)
     async def test(it):
         detector = start(bench, 'index')
         await it.until(lambda: INDEX in it.detectors.fingers, 'the finger')
-        assert it.subscribed() == set()
+        assert not bench.subscribed(PAGE)
         await it.detectors.change(INDEX, {'threshold': 0.75}, 'page 1')
         with pytest.raises(ValueError, match='parameter threshold is -1, allowed: 1e-30 to 1e'):
             await it.detectors.change(INDEX, {'threshold': -1.0, 'gain': 5.0}, 'page 1')
@@ -144,7 +139,7 @@ def test_a_detector_whose_parameters_change_and_that_ends_and_comes_again(bench)
         detector.signal(signal.SIGINT)
         await it.until(lambda: INDEX not in it.detectors.fingers, 'it to go')
         assert [*it.detectors.gone] == [INDEX]
-        await it.until(lambda: not it.subscribed(), 'the end of the subscriptions')
+        await it.until(lambda: not bench.subscribed(PAGE), 'the end of the subscriptions')
         with pytest.raises(ValueError, match='is gone'):
             await it.detectors.change(INDEX, {'threshold': 0.75}, 'page 1')
         start(bench, 'index')

@@ -14,7 +14,6 @@
 
 """Real nodes in real processes, and a node of the test's own that talks to them."""
 
-import contextlib
 import fcntl
 import functools
 import os
@@ -102,11 +101,18 @@ class Process:
         """Wait for the end and return the exit code."""
         return self._process.wait(timeout=DEADLINE_S)
 
-    def refusal(self):
-        """Wait for the end with exit code 1; return the one line that the process has printed."""
-        assert self.wait() == 1, self.log()
+    def refusal(self, code=1):
+        """Wait for the end with an exit code; return the one line that the process has printed."""
+        assert self.wait() == code, self.log()
         assert len(self.lines()) == 1, self.log()
         return self.lines()[0]
+
+    def end_quietly(self, *numbers):
+        """End it by signals that come at once, else by SIGINT; check that it takes them well."""
+        for number in numbers or (signal.SIGINT,):
+            self.signal(number)
+        assert self.wait() == 0, self.log()
+        assert 'Traceback' not in self.log()
 
     def end(self):
         """End it as a user would; kill it when that fails."""
@@ -284,6 +290,12 @@ class Bench:
         """
         self.wait_for(lambda: name not in self.node.get_node_names(), f'{name} to be forgotten')
 
+    def subscribed(self, name):
+        """Return the topics that a node subscribes to; its services may be known before it is."""
+        self.wait_for(lambda: name in self.node.get_node_names(), f'{name} to be known')
+        found = self.node.get_subscriber_names_and_types_by_node(name, '/')
+        return {topic for topic, _ in found}
+
     def listen(self, message_type, topic, qos):
         """Return the list that messages of a topic are put on."""
         heard = []
@@ -413,14 +425,3 @@ class Detected:
             self.bench.wait_for(lambda at_ns=at_ns: self.answered(at_ns), f'the decision {at_ns}')
             at_ns += period_ns
         return at_ns
-
-
-@contextlib.contextmanager
-def ended_quietly(process, number=signal.SIGINT):
-    """Send a signal at the end and check that the process takes it well."""
-    yield
-    process.signal(number)
-    code = process.wait()
-    log = process.log()
-    assert code == 0, log
-    assert 'Traceback' not in log
