@@ -156,7 +156,7 @@ def test_the_slide_in_a_recording_is_found_by_the_file_of_its_sensor(bench, tmp_
     words = 'config:=sensors/biotac.yaml', f'recording:={path}', 'voltages:=/rh/pac'
     with launched(bench, tmp_path / 'log', 'slip_detector', *words):
         bench.wait_for(lambda: any(message.data for message in slip), 'the slide')
-        assert bench.node.count_publishers('/rh/pac') == 1
+        bench.wait_for(lambda: bench.node.count_publishers('/rh/pac') == 1, 'the one driver')
 
 
 def test_the_page_of_a_hand_has_the_fingers_their_slips_and_their_file(bench, tmp_path):
