@@ -80,9 +80,10 @@ def test_nothing_is_overwritten_and_no_half_recording_stays(tmp_path):
         save(path, rows(20))
     folder = tmp_path / 'of_somebody_else'
     folder.mkdir()
+    (folder / 'mine.txt').write_text('mine')
     with pytest.raises(FileExistsError, match='already exists'):
         BagWriter(folder, NAMES)
-    folder.rmdir()  # It is as empty as it was.
+    assert [file.read_text() for file in folder.iterdir()] == ['mine']
 
     def failing():
         yield rows(10)
@@ -91,7 +92,7 @@ def test_nothing_is_overwritten_and_no_half_recording_stays(tmp_path):
     for ending in ENDINGS:
         with pytest.raises(ValueError, match='the source failed'):
             write_recording(tmp_path / f'b{ending}', failing(), 380.0, NAMES)
-    assert [file.name for file in tmp_path.iterdir()] == ['a.mcap']
+    assert sorted(file.name for file in tmp_path.iterdir()) == ['a.mcap', 'of_somebody_else']
     with pytest.raises(ValueError, match=r'bag: is \.bag, allowed: \.npz, \.csv, \.mcap, \.db3'):
         save(tmp_path / 'a.bag', rows(10))
 

@@ -14,11 +14,15 @@
 
 """Scene files: what is wrong is said in one line, and those of the package play."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+from slip_detector import ChainConfig, SlipChain
 from slip_detector.parameters.files import shared_folder
 from slip_detector.scenes import find_scene, load_scene
+from slip_detector.scenes.electronics import CONTACT_N
 from support.config_cases import message_of
 
 ALL = 10**9
@@ -95,3 +99,36 @@ def test_a_scene_of_the_package_plays_within_its_rails_and_says_what_slips(name)
 def test_of_a_name_that_no_scene_has_the_names_are_listed():
     with pytest.raises(ValueError, match=r"no scene 'plate'.*plate_400um.*path to a \.yaml"):
         find_scene('plate')
+
+
+# What presses and grasps show of a detector.
+
+
+def slip_and_times(scene_name, preset, **changes):
+    """Return where a preset says slip in a scene, the times, and where the finger is touched."""
+    scene = load_scene(find_scene(scene_name), np.random.default_rng(7))
+    samples = scene.read(ALL)
+    time_s = samples.stamps_ns * 1e-9
+    config = ChainConfig.from_yaml(shared_folder() / 'config' / f'{preset}.yaml')
+    slip = SlipChain(dataclasses.replace(config, **changes)).update(samples.volts).slip
+    return slip, time_s, scene.force_n(time_s) > CONTACT_N
+
+
+@pytest.mark.parametrize('preset', ['slip_detector', 'onset'])
+def test_presses_are_taken_for_slip_as_on_a_real_finger_and_its_rest_is_not(preset):
+    # On the real one 62 to 70 % of presses and of the time between them, and 0 to 23 % of idle.
+    slip, time_s, touched = slip_and_times('press', preset)
+    first_s, last_s = time_s[touched][[0, -1]]
+    pressed = (time_s >= first_s) & (time_s <= last_s)
+    assert 0.5 < slip[pressed].mean() < 0.8
+    assert slip[~pressed].mean() < 0.05
+
+
+@pytest.mark.parametrize('preset', ['onset', 'sure'])
+def test_a_grasp_is_slip_for_a_preset_only_without_its_impacts(preset):
+    for impact_v, low, high in ((0.0, 0.8, 1.0), (0.12, 0.0, 0.1)):
+        slip, time_s, _ = slip_and_times('grasp_and_release', preset, impact_v=impact_v)
+        grasped = (time_s >= 1.0) & (time_s < 1.4)
+        slides = (time_s >= 2.66) & (time_s < 3.36)
+        assert low <= slip[grasped].mean() <= high
+        assert slip[slides].mean() > 0.9
