@@ -65,7 +65,7 @@ setup(
         'bags': ['rosbags>=0.11'],
         'ros': ros_wheels('jazzy'),
         'ros-kilted': ros_wheels('kilted'),
-        'tune': ['optuna>=4.0'],
+        'tune': ['optuna>=5.0'],
         'test': [
             'axe-core-python',
             'colcon-common-extensions',

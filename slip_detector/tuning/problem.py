@@ -84,8 +84,8 @@ def worse_by(figures: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, 
     """Return by how much each of :data:`COMPARED` is worse than another chain's; 0 or less: not.
 
     A figure that is not defined for the other chain is left out; one that is not defined for this
-    chain alone is NaN. If the other chain is no better than chance, only the area under the ROC
-    curve is compared.
+    chain alone is NaN. If the other chain is no better than chance, nothing is compared: one that
+    is ON for most of the time finds slips too.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def worse_by(figures: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, 
         See :data:`Figures`.
     """
     differences = {}
-    for name in COMPARED if beats_chance(other) else ['auc']:
+    for name in COMPARED if beats_chance(other) else ():
         before, now = other[name], np.array(figures[name], np.float64)
         if before is None:
             continue

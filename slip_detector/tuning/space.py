@@ -90,12 +90,17 @@ EVIDENCES = (
     {'decision': 'evidence', 'evidence_offset_db': 1.0, 'evidence_limit_db_s': 2.0},
 )
 LEARNT_IMPACT = {'impact': 'learnt', 'impact_channels': 2}
-FLOOR_RANGE, ACTIVITY = {'noise_floor_range_db': 15.0}, {'activity': 'searched'}
+ACTIVITY = {'activity': 'searched'}
+
+#: Floors that stay near those of rest; and floors that begin anew, and follow within seconds,
+#: where the noise of each contact is another.
+NEAR_REST = {'noise_floor_range_db': 15.0, 'noise_floor_rate_db_s': 0.43}
+OF_CONTACT = {'floors': 'followed', 'noise_floor_range_db': 60.0, 'noise_floor_rate_db_s': 3.0}
 TOGETHER = {
     **LEARNT_IMPACT,
     **ACTIVITY,
-    **FLOOR_RANGE,
-    'floors': 'followed',
+    **OF_CONTACT,
+    'floor_scale': 0.5,
     'contact': 'learnt',
     'contact_channels': 4,
     'activity_range_db': 15.0,
@@ -363,7 +368,10 @@ class SearchSpace:
                 {**_band(band), 'stopbands': 'none', 'envelope_window_s': window_s, **decision}
                 for band, window_s, decision in of_bands
             ],
-            _each(FLOOR_RANGE, floors=('learnt', 'followed'), floor_scale=(0.7, 1.0)),
+            [
+                *_each(NEAR_REST, floors=('learnt', 'followed'), floor_scale=(0.7, 1.0)),
+                *_each(OF_CONTACT, floor_scale=(0.25, 0.5), noise_floor_rate_db_s=(1.0, 3.0)),
+            ],
             _each({}, mains_hz=allowed['mains_hz'].choices),
             [{'impact': 'none'}, *_each(LEARNT_IMPACT, **impacts)],
             [{'contact': 'none'}, *_each({'contact': 'learnt'}, contact_channels=(1, 2, 4, 6))],

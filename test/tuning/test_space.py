@@ -144,6 +144,9 @@ def test_each_stage_is_tried_off_and_on_and_all_together_in_each_band_that_was_m
     assert all(30.0 < change['passband_low_hz'] < 60.0 for change in bands)
     together = {'contact': 'learnt', 'activity': 'searched', 'impact': 'learnt', 'common_rank': 1}
     assert any(together.items() <= change.items() for change in bands)
+    assert {(change['floors'], change['noise_floor_rate_db_s']) for change in stages[0]} == {
+        ('learnt', 0.43), ('followed', 0.43), ('followed', 1.0), ('followed', 3.0)
+    }  # fmt: skip
     onoff = {'impact': 'learnt', 'contact': 'learnt', 'activity': 'searched', 'mains_hz': 50.0}
     for name, value in onoff.items():
         (stage,) = [one for one in stages if name in one[0]]
