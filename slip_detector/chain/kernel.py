@@ -131,7 +131,7 @@ def plan_of(
         words=np.zeros((CHUNK_ROWS // WORD_ROWS, 6, tiles * LANES), np.uint64),
         decisions=np.zeros(max(settings['flags'][0], LANES), np.uint64),
         digits=np.zeros(votes.DIGITS, np.uint64),
-        by_channel=np.zeros((tiles * LANES * by_channel, WORD_ROWS)),
+        by_channel=aligned((tiles * LANES * by_channel, WORD_ROWS)),
         statistics=np.zeros((max(len(wanted), 1), WORD_ROWS)),
     )
 

@@ -40,7 +40,7 @@ from slip_detector.chain import decibels, layout, stages
 from slip_detector.chain.stages import FIRST_ROW, NO_ROW
 from slip_detector.compiled import compiled_in_place, compiled_within
 from slip_detector.parameters import ChainConfig, convert
-from slip_detector.vectors import LANES, floor, load, select, spread, store
+from slip_detector.vectors import LANES, floor, is_number, load, select, spread, store
 
 #: The parameter ``common_mode`` as a number, its place in ``COMMON_MODES``; the other is the mean.
 NO_COMMON_MODE, MEDIAN = range(2)
@@ -129,15 +129,26 @@ def rows_of_contact(rows, settings, plan, words, tiles):
 
 
 @compiled_in_place
+def _transpose(block, rows, at, by_channel):
+    """Copy the rows of a tile to ``by_channel``, shape (columns, rows), from column ``at`` on."""
+    for lane in range(LANES):
+        for k in range(rows):
+            by_channel[at + lane, k] = block[k, lane]
+
+
+@compiled_in_place
 def _find_averages(volts, start, rows, plan, valid, tiles, take_median):
     """Write the mean or median of the channels that have begun to ``common_v``, else NaN."""
-    deviations, members, counts = plan.by_channel, plan.members, plan.statistics
-    for c in range(valid.size):
-        first = tiles[c // LANES, layout.FIRST, c % LANES]
-        there = NO_ROW if np.isnan(first) else valid[c]
+    deviations, members = plan.by_channel, plan.members
+    for t in range(tiles.shape[0]):
+        block, at, row = plan.blocks[t], t * LANES, FIRST_ROW
+        first = load(tiles, (t, layout.FIRST, 0))
+        begun = select(is_number(first), load(valid, (at,)), NO_ROW)
         for k in range(rows):
-            deviation = volts[start + k, c] - first
-            deviations[c, k] = deviation if (there >> np.uint64(k)) & FIRST_ROW else -np.inf
+            deviation = load(volts, (start + k, at)) - first
+            store(select((begun & row) != NO_ROW, deviation, -np.inf), block, (k, 0))
+            row = row << FIRST_ROW
+        _transpose(block, rows, at, deviations)
     for k in range(0, rows, LANES):
         count, total = spread(0.0), spread(0.0)
         for c in range(valid.size):
@@ -145,18 +156,16 @@ def _find_averages(volts, start, rows, plan, valid, tiles, take_median):
             there = deviation > -np.inf
             count = count + select(there, 1.0, 0.0)
             total = total + select(there, deviation, 0.0)
-        store(total / count, plan.common_v, (k,))
-        store(count, counts, (0, k))
+        average = total / count
         if take_median:
             _sort(deviations, members, members.size // 2 + 1, k)
-            for j in range(k, min(k + LANES, rows)):
-                n = int(counts[0, j])
-                if n > 0:
-                    low, high = (
-                        deviations[members[n // 2], j],
-                        deviations[members[(n - 1) // 2], j],
-                    )
-                    plan.common_v[j] = 0.5 * (low + high)
+            low, high = average, average
+            for i in range(members.size // 2 + 1):
+                deviation = load(deviations, (members[-1 - i], k))
+                low = select(count >= 2.0 * i, deviation, low)
+                high = select(count > 2.0 * i, deviation, high)
+            average = 0.5 * (low + high)
+        store(average, plan.common_v, (k,))
 
 
 @compiled_in_place
@@ -209,8 +218,8 @@ def find_common_excess(rows, settings, plan):
     for k in range(0, rows, LANES):
         _sort(lower, members, rank + 1, k)
     for k in range(rows):
-        known = rank < members.size and lower[members[rank], k] > -np.inf
-        plan.common_db[k] = -lower[members[rank - 1], k] if known else 0.0
+        known = rank < members.size and lower[members[-1 - rank], k] > -np.inf
+        plan.common_db[k] = -lower[members[-rank], k] if known else 0.0
 
 
 def vote_numbers(votes: Sequence[str | int]) -> NDArray[np.int64]:
@@ -236,9 +245,7 @@ def gather_levels(block, rows, valid, at, levels):
         level = select(level > 0.0, level, 0.0)  # also where it is NaN
         store(select((valid & row) != NO_ROW, level, NO_VOTE), block, (k, 0))
         row = row << FIRST_ROW
-    for lane in range(LANES):
-        for k in range(rows):
-            levels[at + lane, k] = block[k, lane]
+    _transpose(block, rows, at, levels)
 
 
 @compiled_in_place
@@ -286,20 +293,20 @@ def _geometric_mean(levels, members, least, most, k):
 
 @compiled_in_place
 def _sort(levels, members, count, k):
-    """Move the ``count`` largest levels of sixteen rows to the front, the largest first.
+    """Move the ``count`` largest levels of sixteen rows to the end, the largest last.
 
     Sorting one row takes an unpredictable branch for each pair; exchanging values in sixteen rows
     at once takes none.
     """
-    last = members.size - 1
     for i in range(min(count, members.size)):
-        most = load(levels, (members[last], k))
-        for j in range(last - 1, i - 1, -1):
-            level = load(levels, (members[j], k))
+        before = members[0]
+        most = load(levels, (before, k))
+        for m in members[1 : members.size - i]:
+            level = load(levels, (m, k))
             above = level > most
-            store(select(above, most, level), levels, (members[j + 1], k))
-            most = select(above, level, most)
-        store(most, levels, (members[i], k))
+            store(select(above, most, level), levels, (before, k))
+            most, before = select(above, level, most), m
+        store(most, levels, (before, k))
 
 
 @compiled_in_place
@@ -335,7 +342,7 @@ def find_statistics(levels, members, bounds, rows, votes, statistics):
                 if votes[v] > group.size:
                     continue
                 if votes[v] > 0:
-                    number = load(levels, (group[votes[v] - 1], k))
+                    number = load(levels, (group[-votes[v]], k))
                 else:
                     number = least if votes[v] == VOTE_ALL else mean
                 before = load(statistics, (v, k))
