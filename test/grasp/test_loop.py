@@ -54,8 +54,7 @@ def test_each_seed_is_another_object_within_the_ranges_and_always_the_same_one()
 
 def test_samples_before_a_command_do_not_depend_on_it_and_the_grip_lags_behind(played):
     trial = played[loop.CONTROLLER][0]
-    weaker = dataclasses.replace(GRASP, step_factor=1.1)
-    other = loop.play_trial(CHAIN, weaker, SEEDS[0])
+    other = loop.play_trial(CHAIN, dataclasses.replace(GRASP, step_factor=1.1), SEEDS[0])
     same = np.flatnonzero(trial.command_n != other.command_n)[0]
     np.testing.assert_array_equal(trial.position_m[:same], other.position_m[:same])
     assert not np.array_equal(trial.position_m, other.position_m)

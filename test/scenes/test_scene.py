@@ -92,8 +92,7 @@ def test_a_fingertip_that_obeys_rests_slips_and_is_tapped_and_pressed_from_the_n
 @pytest.fixture(scope='module')
 def in_contact():
     """A fingertip that obeys, on its plate since some time."""
-    scene = loaded('obedient')
-    scene.read(500)
+    (scene := loaded('obedient')).read(500)
     return scene
 
 
