@@ -146,8 +146,7 @@ def test_without_a_truth_a_position_that_changes_is_slip(tmp_path_factory, posit
     flickering = np.array(positions) + 1e-6 * (np.arange(n) % 2)
     written = rows(n)._replace(position_m=flickering)
     for truth, wanted in ((None, slip), (written.truth, written.truth)):
-        moved = written._replace(truth=truth)
-        path = save(tmp_path_factory.mktemp('moved') / 'a.mcap', moved)
+        path = save(tmp_path_factory.mktemp('moved') / 'a.mcap', written._replace(truth=truth))
         recording = open_recording(path, RecordingConfig(recording_still_m=5e-6))
         np.testing.assert_array_equal(gathered(recording).truth, wanted)
 
