@@ -71,10 +71,11 @@ class ParameterSet:
         dataclasses.dataclass(frozen=True)(cls)
 
     def __post_init__(self) -> None:
-        """Convert and check every field on its own."""
+        """Convert and check every field on its own, but for defaults, which are right."""
         for field in dataclasses.fields(self):
-            value = convert(getattr(self, field.name), field, f'parameter {field.name}')
-            object.__setattr__(self, field.name, value)
+            if (value := getattr(self, field.name)) is not field.default:
+                value = convert(value, field, f'parameter {field.name}')
+                object.__setattr__(self, field.name, value)
 
     def require(self, holds: bool, name: str, allowed_text: str = '', what: str = '') -> None:
         """Raise the ValueError of a parameter that does not go with the others.

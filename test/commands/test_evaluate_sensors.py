@@ -103,8 +103,8 @@ SENSORS = {
 LATE_NS = 3_000_000
 
 #: Begin and end of the slides, and of the recording.
-SLIDES_S = [[4.0, 4.6], [8.0, 8.6]]
-END_S = 10.0
+SLIDES_S = [[3.0, 3.6], [5.5, 6.1]]
+END_S = 6.5
 
 
 def blank(bag, kind, of, size):
@@ -127,7 +127,7 @@ def made(bag, msgtype):
     return bag.make(msgtype, **zeros)
 
 
-def filled(message, paths, columns):
+def fill(message, paths, columns):
     """Put columns of numbers into the fields of a message that these paths lead to, in order."""
     for path, part in zip(paths, np.array_split(columns, len(paths)), strict=True):
         *names, last = path.removesuffix('[:]').split('.')
@@ -140,7 +140,6 @@ def filled(message, paths, columns):
             (name,) = (each for each in vars(parent) if each.lower() == last.lower())
             is_array = isinstance(getattr(parent, name), np.ndarray)
             setattr(parent, name, own.ravel() if is_array else own.item())
-    return message
 
 
 def volts(config, dtype):
@@ -172,9 +171,10 @@ def test_a_slide_in_what_the_driver_sends_is_found(tmp_path, capsys, sensor):
     per_message = 20 if '[:]' in config.input_field else 1
     path = tmp_path / ('bag.bag' if is_ros1 else 'bag')
     with Bag(path, definitions=[pair for pair in definitions.items() if pair[1]]) as bag:
+        message = made(bag, msgtype)
         for last in range(per_message - 1, len(rows), per_message):
             columns = rows[last - per_message + 1 : last + 1].T
-            message = filled(made(bag, msgtype), config.input_field.split(', '), columns)
+            fill(message, config.input_field.split(', '), columns)
             stamp_ns = START_NS + round(last * period_ns)
             if hasattr(message, 'header'):
                 message.header = bag.header(stamp_ns)

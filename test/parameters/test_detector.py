@@ -125,13 +125,15 @@ def test_any_number_of_floors_is_allowed_and_one_remark_says_what_it_means(given
 
 FOLDER = shared_folder() / 'config'
 FILES = [*FOLDER.glob('*.yaml'), *FOLDER.glob('sensors/*.yaml')]
-IN_FILES = {
-    str(path.relative_to(FOLDER)): {
-        name: DetectorConfig.from_yaml(path).to_parameters()[name]
-        for name in parameters_for(path, 'slip_detector').values
-    }
-    for path in FILES
-}
+
+
+def values_in(path):
+    """Return what a file sets, as the parameters that it becomes."""
+    parameters = DetectorConfig.from_yaml(path).to_parameters()
+    return {name: parameters[name] for name in parameters_for(path, 'slip_detector').values}
+
+
+IN_FILES = {str(path.relative_to(FOLDER)): values_in(path) for path in FILES}
 
 
 @pytest.mark.parametrize('first', IN_FILES)

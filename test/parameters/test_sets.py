@@ -23,9 +23,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.parameters import ChainConfig, DetectorConfig
-from slip_detector.parameters.fields import parameter
+from slip_detector.parameters.fields import convert, parameter
 from slip_detector.parameters.sets import ParameterSet
 from slip_detector.parameters.yaml_files import write_yaml
+from slip_detector.scenes.parts import PARTS
 from support.config_cases import SETS, message_of
 from support.random_chains import configs
 
@@ -58,18 +59,19 @@ def test_groups_are_given_in_one_way(groups):
 
 #: By the end of a parameter's name, the longer first.
 UNITS = {
+    **{'_n_s_m': 'N s/m', '_n_m': 'N/m', '_m_s': 'm/s', '_v_n': 'V/N', 'drift_v': 'V/sqrt(s)'},
     **{'_rate_db_s': 'dB/s', '_limit_db_s': 'dB s', '_n_s': 'N/s', '_ms': 'ms', '_hz': 'Hz'},
     **{'_db': 'dB', '_s': 's', '_n': 'N', '_m': 'm', '_v': 'V'},
 }
 
 
-@pytest.mark.parametrize('kind', SETS)
-def test_every_parameter_is_described_and_its_name_has_its_unit(kind):
+@pytest.mark.parametrize('kind', [*SETS, *PARTS.values()])
+def test_every_parameter_is_described_its_name_has_its_unit_and_its_default_is_allowed(kind):
     for field in dataclasses.fields(kind):
         assert re.fullmatch(r'[a-z][a-z0-9_]*', field.name)
         assert field.metadata['meaning'].endswith(('.', ')')), field.name
-        choices = field.metadata['choices']
-        assert not choices or field.metadata['default'] in choices
+        default = field.metadata['default']
+        assert repr(convert(default, field, field.name)) == repr(default)
         units = [unit for suffix, unit in UNITS.items() if field.name.endswith(suffix)]
         assert not units or field.metadata['unit'] == units[0], field.name
 

@@ -92,7 +92,7 @@ def test_memory_does_not_grow_with_the_length(tmp_path, monkeypatch, ending):
     pytest.importorskip('rosbags', reason='needs rosbags')
     # A recording that is short can have many pieces so.
     for module in (bag_recording, array_recordings):
-        monkeypatch.setattr(module, 'PIECE_ROWS', 2048)
+        monkeypatch.setattr(module, 'PIECE_ROWS', 512)
 
     def peak(n):
         path = tmp_path / f'{n}{ending}'
@@ -107,7 +107,7 @@ def test_memory_does_not_grow_with_the_length(tmp_path, monkeypatch, ending):
         return most
 
     peak(100)  # What is loaded and kept once.
-    short, long = peak(7500), peak(25_000)
+    short, long = peak(2000), peak(12_000)
     assert long < 1.2 * short
 
 

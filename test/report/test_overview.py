@@ -67,13 +67,10 @@ def test_bins_hold_the_extremes_and_intervals_the_decisions_however_rows_are_cut
     assert len(overview.low) <= bins < 2 * len(overview.low) or overview.bin_rows == 1
     exact = np.where(np.isfinite(volts), volts, np.nan).astype(np.float32)
     codes = level_codes(result, CONFIG)
-    for b, (low, high, highest) in enumerate(
-        zip(overview.low, overview.high, overview.codes, strict=True)
-    ):
-        rows = slice(b * overview.bin_rows, (b + 1) * overview.bin_rows)
-        np.testing.assert_array_equal(low, np.fmin.reduce(exact[rows]))
-        np.testing.assert_array_equal(high, np.fmax.reduce(exact[rows]))
-        np.testing.assert_array_equal(highest, codes[rows].max(axis=0))
+    spans = [slice(a, a + overview.bin_rows) for a in range(0, len(volts), overview.bin_rows)]
+    np.testing.assert_array_equal(overview.low, [np.fmin.reduce(exact[rows]) for rows in spans])
+    np.testing.assert_array_equal(overview.high, [np.fmax.reduce(exact[rows]) for rows in spans])
+    np.testing.assert_array_equal(overview.codes, [codes[rows].max(axis=0) for rows in spans])
     drawn = [overview.slip, overview.truth, *overview.groups.values()]
     for intervals, on in zip(drawn, [result.slip, truth, *result.groups.T], strict=True):
         assert intervals.edges == np.flatnonzero(np.diff(on, prepend=0, append=0)).tolist()

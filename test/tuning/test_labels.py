@@ -81,25 +81,24 @@ FAMILIES = {
 PAGE = ChainConfig(passband_hz=(20.0, 0.0), passband_degree=2, stopbands_hz=(), exponent=1)
 
 
-@pytest.mark.parametrize('chain', [ChainConfig(), PAGE], ids=['paper', 'page'])
+@pytest.mark.parametrize('seed', [0, 10])
 @pytest.mark.parametrize('family', FAMILIES)
-def test_honest_recordings_contradict_nothing_and_others_their_kind(family, chain):
+def test_honest_recordings_contradict_nothing_and_others_their_kind(family, seed):
     parts, plates = FAMILIES[family], ('plate_400um', 'plate_440um', 'plate_480um')
     grip = {'duration_s': 0.8, 'force_n': 0.4}
     still = {'steps': [{'duration_s': 1.0}, grip, {'duration_s': 9}]}
-    for seed in range(0, 20, 10):
-        honest = [played(parts, seed + k, name) for k, name in enumerate(plates)]
-        rest = played({**parts, **still}, seed + 5, kind='rest')
-        press = played({**parts, 'rolling': {'start_s': 4.0}, **still}, seed + 6, kind='press')
+    honest = [played(parts, seed + k, name) for k, name in enumerate(plates)]
+    rest = played({**parts, **still}, seed + 5, kind='rest')
+    press = played({**parts, 'rolling': {'start_s': 4.0}, **still}, seed + 6, kind='press')
+    # A rest that slides, and slips at times at which nothing slides.
+    slides = played(parts, seed + 7, kind='rest')
+    truth = np.roll(honest[0].samples.truth, -round(1.5 * 380))
+    truth = (honest[0].row_classes != SLIP) & truth & (np.cumsum(truth) < 300)
+    missed = track_of('missed', [honest[0].samples._replace(truth=truth)], 380.0)
+    for chain in (ChainConfig(), PAGE):
         assert contradictions(chain, [*honest, rest, press]) == ([], [])
-        # A rest that slides, and slips at times at which nothing slides.
-        slides = played(parts, seed + 7, kind='rest')
         (said,), _ = contradictions(chain, [*honest, rest, slides])
         assert said.startswith(f'rest {seed + 7} is labelled rest, but the level is as in a slide')
-        truth = np.roll(honest[0].samples.truth, -round(1.5 * 380))
-        truth = (honest[0].row_classes != SLIP) & truth & (np.cumsum(truth) < 300)
-        nothing = honest[0].samples._replace(truth=truth)
-        missed = track_of('missed', [nothing], 380.0)
         (said,), mistakes = contradictions(chain, [*honest[1:], rest, missed])
         assert said.startswith('missed: nothing changes at its slips, at ')
         assert mistakes == [missed]
