@@ -23,7 +23,7 @@ import numpy as np
 
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters import ChainConfig, EvaluationConfig, refuse
-from slip_detector.tuning.measuring import learn_noise, slip_bands
+from slip_detector.tuning.measuring import find_mains, learn_noise, slip_bands
 from slip_detector.tuning.sweep import vote_statistics
 from slip_detector.tuning.tracks import Track, at_rest, faults_of, load_tracks
 
@@ -40,9 +40,6 @@ NEW_SENSOR: dict[str, Any] = {
     'exponent': 1,
 }
 LOW_HZ, LOW_SHARE = 20.0, 0.2
-
-#: In a shorter recording of rest the mains show no better than in a longer one of another kind.
-LEAST_RESTING_S = 10.0
 
 #: Confidence of the bounds of a rate.
 CONFIDENCE = 0.95
@@ -81,9 +78,10 @@ def learn(
     quiet = [track for track in tracks if not track.slips]
     if not quiet:
         return chain, [*lines, 'No noise learnt: there is no recording without slips']
-    # A recording of rest shows the mains best, if it is long enough.
-    resting = [track for track in at_rest(quiet) if track.duration_s >= LEAST_RESTING_S]
-    longest = max(resting or quiet, key=lambda track: track.duration_s)
+    # Rest shows the mains best, unless it is too short.
+    resting = at_rest(quiet)
+    ordered = sorted(quiet, key=lambda track: (track in resting, track.duration_s), reverse=True)
+    longest = next((track for track in ordered if find_mains(chain, track)[0]), ordered[0])
     observe(step=f'learning the noise of {longest.name}')
     try:
         parameters, more = learn_noise(chain, tracks, longest)

@@ -42,6 +42,10 @@ WIDEST = 6.0
 #: Shortest window, one sample at the paper's rate.
 SHORTEST_WINDOW_S = 0.0025
 
+#: Least offset of evidence. Contact and sensor change the level by some 1 dB from day to day, and
+#: that must not become evidence.
+LEAST_OFFSET_DB = 2.0
+
 #: With fewer channels than this the common mode would be mostly signal.
 LEAST_SHARING = 3
 
@@ -87,7 +91,7 @@ WINDOWS_S = (0.05, 0.2)
 MEAN = {'decision': 'mean', 'exponent': 1, 'decision_window_s': 0.1}
 EVIDENCES = (
     {'decision': 'evidence', 'evidence_offset_db': 3.5, 'evidence_limit_db_s': 1.3},
-    {'decision': 'evidence', 'evidence_offset_db': 1.0, 'evidence_limit_db_s': 2.0},
+    {'decision': 'evidence', 'evidence_offset_db': LEAST_OFFSET_DB, 'evidence_limit_db_s': 2.0},
 )
 LEARNT_IMPACT = {'impact': 'learnt', 'impact_channels': 2}
 ACTIVITY = {'activity': 'searched'}
@@ -179,7 +183,7 @@ class SearchSpace:
             'floor_scale': Between(0.1, 10.0, log=True),  # of the amplitude
             'noise_floor_range_db': Between(0.0, 60.0),
             'noise_floor_rate_db_s': Between(0.02, 5.0, log=True),
-            'evidence_offset_db': Between(0.5, 12.0),
+            'evidence_offset_db': Between(LEAST_OFFSET_DB, 12.0),
             'cap_above_db': Between(1.0, 30.0),
             'evidence_limit_db_s': Between(0.02, 5.0, log=True),
             # The given step that is an impact, none, or one beside the largest steps of slips.
@@ -377,7 +381,7 @@ class SearchSpace:
             [{'contact': 'none'}, *_each({'contact': 'learnt'}, contact_channels=(1, 2, 4, 6))],
             [{'activity': 'none'}, *_each(ACTIVITY, activity_range_db=ACTIVITY_RANGES_DB)],
             _each({}, common_rank=range(MOST_RANK + 1)),
-            _each({}, evidence_offset_db=(1.0, 2.0, 3.5, 5.0, 7.0)),
+            _each({}, evidence_offset_db=(LEAST_OFFSET_DB, 3.5, 5.0, 7.0)),
             _each({}, evidence_limit_db_s=(0.3, 0.6, 1.3, 2.6)),
             _each({}, common_mode=allowed['common_mode'].choices),
         ]
