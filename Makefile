@@ -42,8 +42,6 @@ MORE_WORKERS = --numprocesses $$(($$(nproc) * 3 / 2))
 
 # Python keeps what it has compiled: tests start many processes, and pytest compiles each test.
 export PYTHONDONTWRITEBYTECODE :=
-# There is a worker for each core: threads of NumPy beside them would only wait for each other.
-export OPENBLAS_NUM_THREADS := 1
 # The checks' nodes talk among themselves only.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
@@ -106,6 +104,9 @@ $(OLDER)/installed: setup.py
 
 $(CHECKS):
 	mkdir -p $@
+
+# There is a worker for each core: threads of NumPy beside them would only wait for each other.
+$(CHECKS)/%: export OPENBLAS_NUM_THREADS := 1
 
 $(CHECKS)/lint: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
 	$(BIN)/ruff check .

@@ -50,10 +50,15 @@ def pytest_ignore_collect(collection_path, config):
 
 
 def pytest_collection_modifyitems(items):
-    """Mark the tests in the folders of the nodes."""
+    """Mark the tests in the folders of the nodes, and let those that mostly wait begin.
+
+    Those in a browser wait half of their time: one worker runs them while others compute. At the
+    end all would wait at once.
+    """
     for item in items:
         if any(item.path.is_relative_to(folder) for folder in OF_NODES):
             item.add_marker(pytest.mark.nodes)
+    items.sort(key=lambda item: not item.path.is_relative_to(ROOT / 'test' / 'view'))
 
 
 @pytest.hookimpl(wrapper=True)

@@ -143,8 +143,8 @@ def test_without_a_truth_a_position_that_changes_is_slip(tmp_path_factory, posit
     slip = np.zeros(n, bool)
     for k in range(n - 1):  # from the last row at which it stood to the first at which it stands
         slip[k : k + 2] |= positions[k] != positions[k + 1]
-    flickering = np.array(positions) + 1e-6 * (np.arange(n) % 2)
-    written = rows(n)._replace(position_m=flickering)
+    # It flickers by less than what counts.
+    written = rows(n)._replace(position_m=np.array(positions) + 1e-6 * (np.arange(n) % 2))
     for truth, wanted in ((None, slip), (written.truth, written.truth)):
         path = save(tmp_path_factory.mktemp('moved') / 'a.mcap', written._replace(truth=truth))
         recording = open_recording(path, RecordingConfig(recording_still_m=5e-6))
