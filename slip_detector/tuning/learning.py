@@ -78,13 +78,14 @@ def learn(
     quiet = [track for track in tracks if not track.slips]
     if not quiet:
         return chain, [*lines, 'No noise learnt: there is no recording without slips']
-    # Rest shows the mains best, unless it is too short.
+    # Rest shows the mains best, but is often too short.
     resting = at_rest(quiet)
     ordered = sorted(quiet, key=lambda track: (track in resting, track.duration_s), reverse=True)
-    longest = next((track for track in ordered if find_mains(chain, track)[0]), ordered[0])
-    observe(step=f'learning the noise of {longest.name}')
+    with_mains = (track for track in ordered if find_mains(chain, track)[0])
+    shows_mains = next(with_mains, ordered[0])
+    observe(step=f'learning the noise of {shows_mains.name}')
     try:
-        parameters, more = learn_noise(chain, tracks, longest)
+        parameters, more = learn_noise(chain, tracks, shows_mains)
     except ValueError as error:
         return chain, [*lines, str(error)]
     return dataclasses.replace(chain, **parameters), lines + more

@@ -172,19 +172,19 @@ def _roc_area(slides: Floats, rest: Floats) -> float:
 
 
 def learn_noise(
-    chain: ChainConfig, tracks: Sequence[Track], longest: Track
+    chain: ChainConfig, tracks: Sequence[Track], shows_mains: Track
 ) -> tuple[dict[str, Any], list[str]]:
     """Learn mains of one recording and, where evidence decides, noise floors of some at rest.
 
     Return parameters by name, as ROS has them, and lines about them.
     """
-    mains_hz, line = find_mains(chain, longest)
-    learnt, lines = dict[str, Any](), [f'On {longest.name}: {line}']
+    mains_hz, line = find_mains(chain, shows_mains)
+    learnt, lines = dict[str, Any](), [f'On {shows_mains.name}: {line}']
     if chain.decision != 'evidence':
         return learnt, lines
     lasts_s = sum(track.duration_s for track in at_rest(tracks))
     if lasts_s < LEAST_S:
-        refuse(f'{longest.name}: lasts {lasts_s:.3g} s', f'at least {LEAST_S:g} s at rest')
+        refuse(f'{shows_mains.name}: lasts {lasts_s:.3g} s', f'at least {LEAST_S:g} s at rest')
     if mains_hz and not chain.mains_hz:
         try:
             chain = dataclasses.replace(chain, mains_hz=mains_hz)

@@ -171,8 +171,9 @@ class Study:
         self.space = SearchSpace(problem.origin, problem.tracks)
         self.candidate_at = functools.partial(candidate_at, problem, self.space)
         # Points of a batch keep away from each other; parameters are drawn together.
-        how: dict[str, Any] = {'constant_liar': True, 'multivariate': True}
-        sampler = optuna.samplers.TPESampler(seed=seed, n_startup_trials=0, **how)
+        sampler = optuna.samplers.TPESampler(
+            seed=seed, n_startup_trials=0, constant_liar=True, multivariate=True
+        )
         self._copy = optuna.create_study(sampler=sampler)
         self._asked, self._read, self.trials = list[Any](), 0, list[Trial]()
         self._costs_ms: dict[frozenset[Any], float] = {}

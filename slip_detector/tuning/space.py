@@ -98,12 +98,16 @@ ACTIVITY = {'activity': 'searched'}
 
 #: Floors that stay near those of rest; and floors that begin anew, and follow within seconds,
 #: where the noise of each contact is another.
-NEAR_REST = {'noise_floor_range_db': 15.0, 'noise_floor_rate_db_s': 0.43}
-OF_CONTACT = {'floors': 'followed', 'noise_floor_range_db': 60.0, 'noise_floor_rate_db_s': 3.0}
+REST_FLOORS = {'noise_floor_range_db': 15.0, 'noise_floor_rate_db_s': 0.43}
+CONTACT_FLOORS = {
+    'floors': 'followed',
+    'noise_floor_range_db': 60.0,
+    'noise_floor_rate_db_s': 3.0,
+}
 TOGETHER = {
     **LEARNT_IMPACT,
     **ACTIVITY,
-    **OF_CONTACT,
+    **CONTACT_FLOORS,
     'floor_scale': 0.5,
     'contact': 'learnt',
     'contact_channels': 4,
@@ -183,7 +187,7 @@ class SearchSpace:
             'floor_scale': Between(0.1, 10.0, log=True),  # of the amplitude
             'noise_floor_range_db': Between(0.0, 60.0),
             'noise_floor_rate_db_s': Between(0.02, 5.0, log=True),
-            'evidence_offset_db': Between(LEAST_OFFSET_DB, 12.0),
+            'evidence_offset_db': Between(min(LEAST_OFFSET_DB, origin.evidence_offset_db), 12.0),
             'cap_above_db': Between(1.0, 30.0),
             'evidence_limit_db_s': Between(0.02, 5.0, log=True),
             # The given step that is an impact, none, or one beside the largest steps of slips.
@@ -373,8 +377,8 @@ class SearchSpace:
                 for band, window_s, decision in of_bands
             ],
             [
-                *_each(NEAR_REST, floors=('learnt', 'followed'), floor_scale=(0.7, 1.0)),
-                *_each(OF_CONTACT, floor_scale=(0.25, 0.5), noise_floor_rate_db_s=(1.0, 3.0)),
+                *_each(REST_FLOORS, floors=('learnt', 'followed'), floor_scale=(0.7, 1.0)),
+                *_each(CONTACT_FLOORS, floor_scale=(0.25, 0.5), noise_floor_rate_db_s=(1.0, 3.0)),
             ],
             _each({}, mains_hz=allowed['mains_hz'].choices),
             [{'impact': 'none'}, *_each(LEARNT_IMPACT, **impacts)],

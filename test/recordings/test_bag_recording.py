@@ -16,7 +16,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 pytest.importorskip('rosbags', reason='needs rosbags')
@@ -136,7 +136,6 @@ def test_times_of_receipt_that_fall_move_no_row_and_are_refused_for_a_label(tmp_
     np.testing.assert_array_equal(read.stamps_ns, written.stamps_ns)
 
 
-@settings(max_examples=20)
 @given(st.lists(st.sampled_from([0.0, 1.0, 2.0]), min_size=3, max_size=25))
 def test_without_a_truth_a_position_that_changes_is_slip(tmp_path_factory, positions):
     n = len(positions)

@@ -76,7 +76,7 @@ def test_a_search_tries_nothing_twice_and_the_same_in_parts_and_in_any_order(tmp
     for trials in (3, 20, 21, 45, 45):
         parts = searched(asked, trials, storage, backwards)
     assert parts == whole
-    points = [trial.point for trial in study_of(asked, 160).trials]
+    points = [trial.point for trial in study_of(asked, 300).trials]
     assert all(point not in points[:k] for k, point in enumerate(points))
 
 

@@ -33,9 +33,11 @@ FLOORS = {'noise_floor': (0.01, 0.02, 0.03, 0.04), 'evidence_limit_db_s': 0.9}
 GIVEN = dataclasses.replace(EVIDENCE, **FLOORS, threshold=0.4, mains_hz=50.0)
 
 
-@pytest.mark.parametrize(
-    'chain', [CHAIN, XELA, ChainConfig(), GIVEN], ids=['small', 'xela', 'paper', 'evidence']
-)
+#: Its offset is below that with which a search begins.
+LOW = dataclasses.replace(GIVEN, evidence_offset_db=1.0)
+
+
+@pytest.mark.parametrize('chain', [CHAIN, XELA, ChainConfig(), GIVEN, LOW])
 def test_the_given_chain_is_a_point_of_its_space(chain):
     space = SearchSpace(chain)
     assert space.chain(space.point(chain)) == chain

@@ -32,7 +32,7 @@ from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
 from support.tuning_cases import track_with
 
 
-@settings(max_examples=25 if COMPILED else 3, deadline=None)
+@settings(max_examples=40 if COMPILED else 3, deadline=None)
 @given(chains(), st.lists(recordings(), min_size=1, max_size=3), EVALUATIONS, st.randoms())
 def test_each_threshold_and_vote_has_the_figures_of_a_chain_with_them_to_the_bit(
     config, several, evaluation, random
