@@ -14,9 +14,6 @@
 
 """A gripper with an action server that behaves as ros2_control's do, here or as a process."""
 
-import sys
-import time
-
 import rclpy
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -53,11 +50,11 @@ class Gripper:
     As in parallel_gripper_action_controller and gripper_action_controller a new goal ends the one
     before as cancelled, though nobody has asked for it; a goal ends when the position is reached,
     and is aborted when the fingers have stalled; the command stays in force. The parallel one
-    refuses a goal that has not one position. It takes ``accept_s`` to accept a goal.
+    refuses a goal that has not one position.
     """
 
-    def __init__(self, node, kind, accept_s=0.0):
-        self.goals, self.cancels, self.refuses, self._accept_s = [], 0, False, accept_s
+    def __init__(self, node, kind):
+        self.goals, self.cancels, self.refuses = [], 0, False
         self.in_force, self.position, self.object = None, OPEN, OBJECT
         self._kind, self._running, self._still = kind, None, 0
         self._server = ActionServer(
@@ -81,7 +78,6 @@ class Gripper:
             return GoalResponse.REJECT
         self.goals.append(goal)
         print(f'goal of effort {goal[1]:.3g}', flush=True)
-        time.sleep(self._accept_s)
         return GoalResponse.REJECT if self.refuses else GoalResponse.ACCEPT
 
     async def _execute(self, handle):
@@ -121,6 +117,6 @@ if __name__ == '__main__':  # A process of its own, which serves until it is end
 
     rclpy.init()
     node = Node('gripper')
-    gripper = Gripper(node, GripperCommand, accept_s=float(sys.argv[1]))
+    gripper = Gripper(node, GripperCommand)
     print('serves', flush=True)
     rclpy.spin(node)

@@ -112,12 +112,12 @@ def test_a_goal_that_is_refused_leaves_the_grip_is_reported_and_sent_again(bench
 
 def test_a_server_that_was_killed_and_comes_back_gets_the_last_goal(bench, control_msgs):
     hand = Hand(bench, 'gripper_command')
-    killed = bench.start_python('-P', GRIPPER, '0.0')
+    killed = bench.start_python('-P', GRIPPER)
     hand.hears(OK, 'goal of effort 0.08: stalled')
     killed.signal(signal.SIGKILL)
     killed.wait()
     # The middleware goes on knowing the killed one.
-    back = bench.start_python('-P', GRIPPER, '0.0')
+    back = bench.start_python('-P', GRIPPER)
     hand.wait_for(lambda: 'goal of effort 0.08' in back.log(), 'the last goal')
     hand.hears(OK + WARN, 'goal of effort 0.08: stalled')
     # Another one beside it.
@@ -127,14 +127,16 @@ def test_a_server_that_was_killed_and_comes_back_gets_the_last_goal(bench, contr
 
 def test_the_newest_effort_follows_an_answer_and_no_other_waits_for_one(bench, control_msgs):
     hand = Hand(bench, 'gripper_command')
-    gripper = bench.start_python('-P', GRIPPER, '3.0')
-    hand.wait_for(lambda: 'goal of effort 0.08' in gripper.log(), 'the first goal')
+    gripper = bench.start_python('-P', GRIPPER)
+    hand.hears(OK, 'goal of effort 0.08: stalled')
+    gripper.signal(signal.SIGSTOP)
     hand.state['slip'] = True
-    hand.hears(ERROR, 'goal of effort 0.08: no answer yet')
-    hand.state['slip'] = False
+    hand.hears(ERROR, 'goal of effort 0.0808: no answer yet')
+    hand.wait_for(lambda: f'raised to {LIMIT_N:.2f} N' in hand.process.log(), 'the limit')
+    gripper.signal(signal.SIGCONT)
     limit = f'goal of effort {FACTOR * LIMIT_N:.3g}'
-    hand.wait_for(lambda: limit in gripper.log(), 'the limit')
-    assert gripper.log().count('goal of') == 2
+    hand.wait_for(lambda: limit in gripper.log(), 'the last goal')
+    assert gripper.log().count('goal of') == 3
 
 
 def test_a_goal_that_another_client_replaces_is_not_fought_for_and_one_reached_is_reported(
