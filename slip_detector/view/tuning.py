@@ -106,7 +106,8 @@ class TuneRun:
             code = await asyncio.to_thread(process.wait)
         finally:
             process.kill()
-        if self.found is None and self.stopping and code != 1:
+        # A command that is stopped while Python starts ends with an error of Python's.
+        if self.found is None and self.stopping and (code != 1 or not self.said['step']):
             self.failed = 'stopped before anything was found'
         elif self.found is None:
             self.failed = complaint.removeprefix('slip_tune: ')

@@ -81,6 +81,24 @@ async def test_a_run_fails_with_the_error_of_the_command_or_because_it_was_stopp
     assert run.failed == 'stopped before anything was found'
 
 
+async def test_a_run_that_is_stopped_while_its_command_starts_says_that(tmp_path, monkeypatch):
+    starts = (
+        'import os, signal\n'
+        "ends = lambda *_: os.write(1, b'KeyboardInterrupt\\n') and os._exit(1)\n"
+        'signal.signal(signal.SIGINT, ends)\n'
+        """os.write(1, b'{"share": 0.1}\\n')\n"""
+        'signal.pause()'
+    )
+    monkeypatch.setattr(tuning, 'COMMAND', (sys.executable, '-c', starts))
+    run = TuneRun(RecordedFolder(tmp_path), 'index', DetectorConfig())
+    task = asyncio.create_task(run.run())
+    while not run.said['share']:
+        await asyncio.sleep(0.02)
+    run.stop()
+    await task
+    assert run.failed == 'stopped before anything was found'
+
+
 def test_what_tunes_ends_without_a_word_when_slip_view_was_killed(recorded):
     words = str(recorded), '--config', 'config/onset.yaml', '--out', str(recorded / 'a.yaml')
     pipes = {'stdout': subprocess.PIPE, 'stderr': subprocess.PIPE}
